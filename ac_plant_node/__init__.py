@@ -1,0 +1,1 @@
+"""ac_plant_node."""

@@ -1,0 +1,1 @@
+"""gimc_controller_node."""

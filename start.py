@@ -1,0 +1,109 @@
+#!/usr/bin/env python3
+"""Make acftc's environment (once), then run a command in it.
+
+    python3 start.py acftc run actuator_fault --out results/actuator_fault
+    python3 start.py pytest
+
+Needs Python 3.9 or newer with pip; nothing else, no ROS and no root. It fetches `uv`, which finds (or fetches)
+CPython 3.12, and installs what `requirements.txt` pins, hashes checked, into `.venv/` beside this file.
+A later call finds the environment ready and only starts the command.
+"""
+
+import hashlib
+import os
+import platform
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+VENV = HERE / ".venv"
+UV_VERSION = "0.13.9"
+# glibc of Debian 12 and newer, Ubuntu 22.04 and newer: what the ROS wheels are built for.
+SYSTEMS = {("Linux", "x86_64"), ("Linux", "aarch64")}
+
+
+def fail(problem: str, remedy: str) -> "NoReturn":  # noqa: F821  (the name is for readers; Python 3.9 runs this)
+    """End with one line: what is wrong, and what to do about it."""
+    sys.exit(f"start.py: {problem}; {remedy}")
+
+
+def call(command: list, problem: str, remedy: str) -> str:
+    """Run `command`; what it printed on success, else one clear line after its own output."""
+    result = subprocess.run(command, capture_output=True, text=True, cwd=str(HERE))
+    if result.returncode != 0:
+        sys.stderr.write(result.stderr[-4000:])
+        fail(problem, remedy)
+    return result.stdout
+
+
+def find_uv() -> str:
+    """Path of `uv`: the user's own, or one that pip puts into `.uv/` (no root, no virtual environment needed)."""
+    own = HERE / ".uv" / UV_VERSION
+    uv = own / "bin" / "uv"
+    if uv.exists():
+        return str(uv)
+    if shutil.which("uv"):
+        return str(shutil.which("uv"))
+    call([sys.executable, "-m", "pip", "--version"], "this Python has no pip", "on Debian: apt install python3-pip")
+    print("start.py: fetching uv", file=sys.stderr)
+    call(
+        [sys.executable, "-m", "pip", "install", "--quiet", "--target", str(own), "uv==" + UV_VERSION],
+        "pip cannot fetch uv from PyPI",
+        "check the network or pip's configuration, or install uv yourself",
+    )
+    return str(uv)
+
+
+def wanted() -> str:
+    """Fingerprint of what the environment must hold."""
+    files = (HERE / "requirements.txt", HERE / "pyproject.toml", HERE / ".python-version")
+    return hashlib.sha256(b"\0".join(file.read_bytes() for file in files) + str(HERE).encode()).hexdigest()
+
+
+def make_environment() -> None:
+    """Bring `.venv/` to what `requirements.txt` pins, and this project into it."""
+    stamp = VENV / "acftc-environment"
+    if stamp.exists() and stamp.read_text() == wanted():
+        return
+    if (platform.system(), platform.machine()) not in SYSTEMS:
+        fail(
+            f"no ROS 2 wheels exist for {platform.system()} on {platform.machine()}, only for Linux on x86_64 and aarch64",
+            "use such a machine or a container",
+        )
+    uv = find_uv()
+    print("start.py: making the environment in .venv (about 1 GB, half a minute on a fast line)", file=sys.stderr)
+    call(
+        [uv, "venv", "--quiet", "--clear", "--python", "3.12", str(VENV)],
+        "no CPython 3.12 was found or could be fetched",
+        "install it (Debian 13: apt install python3.12; or pyenv install 3.12, or uv python install 3.12)",
+    )
+    pip = [uv, "pip", "install", "--quiet", "--python", str(VENV / "bin" / "python")]
+    remedy = "see the lines above; a network or disk problem is the usual cause"
+    call([*pip, "--require-hashes", "-r", "requirements.txt"], "the pinned packages could not be installed", remedy)
+    call([*pip, "--no-deps", "--editable", "."], "acftc itself could not be installed", remedy)
+    stamp.write_text(wanted())
+
+
+def main() -> None:
+    """Make the environment, then become the command named on the command line."""
+    if len(sys.argv) < 2 or sys.argv[1] in ("-h", "--help"):
+        print(__doc__)
+        return
+    make_environment()
+    bin_dir = VENV / "bin"
+    command = bin_dir / sys.argv[1]
+    if not command.exists():
+        fail(
+            f"there is no command {sys.argv[1]!r} in the environment",
+            "did you mean acftc, pytest, ruff, mypy or python?",
+        )
+    environment = dict(os.environ, PATH="{}{}{}".format(bin_dir, os.pathsep, os.environ.get("PATH", "")))
+    environment["VIRTUAL_ENV"] = str(VENV)
+    os.chdir(str(Path.cwd() if sys.argv[1] != "pytest" else HERE))
+    os.execve(str(command), [str(command), *sys.argv[2:]], environment)
+
+
+if __name__ == "__main__":
+    main()
