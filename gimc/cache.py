@@ -1,0 +1,85 @@
+"""Results of long computations, kept on disk under the content that they depend on.
+
+A key is everything that decides the result: parameters, weights, and the source text of the code that computes it. A changed
+parameter or a changed line of code therefore makes a new key, and can never meet a stale result.
+"""
+
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from platformdirs import user_cache_dir
+
+Arrays = dict[str, NDArray[Any]]
+
+
+def cache_folder() -> Path:
+    """Folder of the cache: `$ACFTC_CACHE_DIR`, or the user's cache folder of this system."""
+    return Path(os.environ.get("ACFTC_CACHE_DIR") or user_cache_dir("acftc"))
+
+
+def source_fingerprint(*modules: ModuleType) -> str:
+    """Hash of the source text of `modules`; of a package: of every Python file in it."""
+    digest = hashlib.sha256()
+    for module in modules:
+        file = Path(module.__file__ or "")
+        files = sorted(file.parent.rglob("*.py")) if file.name == "__init__.py" else [file]
+        for source in files:
+            digest.update(source.name.encode() + b"\0" + source.read_bytes() + b"\0")
+    return digest.hexdigest()
+
+
+def fingerprint(content: Mapping[str, Any]) -> str:
+    """Hash of JSON-like `content`, independent of the order of its keys."""
+    text = json.dumps(content, sort_keys=True, allow_nan=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:24]
+
+
+def cached(name: str, key: Mapping[str, Any], compute: Callable[[], Arrays]) -> Arrays:
+    """Arrays that `compute` returns, from the disk when it has run for this `key` before.
+
+    Parameters
+    ----------
+    name : str
+        Start of the file's name, for people who look into the folder.
+    key : mapping
+        JSON-like content that decides the result.
+    compute : callable
+        Called without arguments when the cache has nothing; returns a dict of arrays (strings as 0-d arrays).
+
+    Returns
+    -------
+    dict of str to ndarray
+    """
+    file = cache_folder() / f"{name}-{fingerprint(key)}.npz"
+    found = _read(file)
+    if found is None:
+        found = compute()
+        _write(file, found)
+    return found
+
+
+def _read(file: Path) -> Arrays | None:
+    try:
+        with np.load(file, allow_pickle=False) as stored:
+            return dict(stored)
+    except (OSError, ValueError, EOFError, KeyError):
+        return None  # absent, or cut short by a crash: computed again
+
+
+def _write(file: Path, arrays: Arrays) -> None:
+    """Store under a temporary name first: nodes that start together may all write, and none may read half a file."""
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".tmp", delete=False) as temporary:
+            np.savez(temporary, **arrays)  # type: ignore[arg-type]
+        Path(temporary.name).replace(file)
+    except OSError:
+        return  # a read-only or full disk costs time, not the result
