@@ -1,0 +1,79 @@
+"""How a fault grows over time: unit profiles of a fault, as arrays over all ticks.
+
+A profile is 0 before its onset and scaled by the fault's size afterwards, so one set of shapes serves both faults.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+PROFILES = ("step", "ramp", "sine", "drift", "intermittent", "random_walk")
+
+#: Which extra key each profile takes (all of them take onset and end).
+PROFILE_KEYS: dict[str, tuple[str, ...]] = {
+    "step": (),
+    "ramp": ("rise_s",),
+    "sine": ("period_s",),
+    "drift": ("time_constant_s",),
+    "intermittent": ("period_s", "duty_percent"),
+    "random_walk": ("time_constant_s", "seed"),
+}
+
+
+def unit_profile(
+    time_s: NDArray[np.float64],
+    profile: str,
+    onset_s: float,
+    end_s: float | None = None,
+    *,
+    rise_s: float = 60.0,
+    period_s: float = 60.0,
+    time_constant_s: float = 100.0,
+    duty_percent: float = 50.0,
+    seed: int = 0,
+) -> NDArray[np.float64]:
+    """Fault of size 1 over time.
+
+    Parameters
+    ----------
+    time_s
+        Ticks, shape (K,), equally spaced, s.
+    profile
+        ``step``: 1 from the onset. ``ramp``: linear from 0 to 1 within `rise_s`, then 1. ``sine``: amplitude 1,
+        `period_s`, 0 at the onset. ``drift``: ``1 - exp(-(t - onset) / time_constant_s)``, an ageing sensor.
+        ``intermittent``: 1 during the first `duty_percent` of every `period_s`, else 0 (a loose contact).
+        ``random_walk``: Gaussian steps, standard deviation 1 after `time_constant_s`, from `seed`.
+    onset_s, end_s
+        The fault is 0 before `onset_s` and from `end_s` on (None: it stays).
+
+    Returns
+    -------
+    NDArray
+        Shape (K,).
+
+    Raises
+    ------
+    ValueError
+        When `profile` is none of `PROFILES`.
+    """
+    since = time_s - onset_s
+    if profile == "step":
+        shape = np.ones_like(time_s)
+    elif profile == "ramp":
+        shape = np.clip(since / rise_s, 0.0, 1.0)
+    elif profile == "sine":
+        shape = np.sin(2.0 * np.pi * since / period_s)
+    elif profile == "drift":
+        shape = 1.0 - np.exp(-np.maximum(since, 0.0) / time_constant_s)
+    elif profile == "intermittent":
+        shape = (np.mod(since, period_s) < period_s * duty_percent / 100.0).astype(np.float64)
+    elif profile == "random_walk":
+        tick_s = time_s[1] - time_s[0] if len(time_s) > 1 else 0.0
+        steps = np.random.default_rng(seed).normal(size=len(time_s)) * np.sqrt(tick_s / time_constant_s)
+        shape = np.cumsum(np.where(since > 0.0, steps, 0.0))
+    else:
+        msg = f"fault profile {profile!r} is unknown; allowed: {', '.join(PROFILES)}"
+        raise ValueError(msg)
+    acts = time_s >= onset_s
+    if end_s is not None:
+        acts &= time_s < end_s
+    return np.where(acts, shape, 0.0)

@@ -1,0 +1,455 @@
+"""What happens in a run: a YAML file, checked against a schema, turned into arrays over all ticks.
+
+In the file every quantity has its unit in its key (rpm, kPa, %, K); here and on the wire everything is SI. References
+and the air side are given as changes from the operating point, so one scenario serves all three points.
+"""
+
+import difflib
+import math
+import re
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from bringup.errors import BringupError, one_line
+from bringup.profiles import PROFILE_KEYS, unit_profile
+
+#: Sample time of the loop when a scenario does not say otherwise, s (10 Hz).
+DEFAULT_SAMPLE_TIME_S = 0.1
+RPM = 2.0 * math.pi / 60.0
+"""One revolution per minute in rad/s."""
+KPA = 1000.0
+"""One kilopascal in Pa."""
+
+BUILT_IN = Path(__file__).parent / "scenarios"
+
+
+class _Part(BaseModel):
+    """A mapping in the scenario file; a key it does not know is an error that names the nearest one it does."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known_keys(cls, given: Any) -> Any:
+        if isinstance(given, Mapping):
+            for key in given:
+                if key not in cls.model_fields:
+                    raise ValueError(_unknown("key", key, list(cls.model_fields)))
+        return given
+
+
+class Change(_Part):
+    """At `at_s` the quantity starts to move from where it is to `to`, in a straight line that takes `ramp_s`."""
+
+    at_s: float = Field(ge=0.0)
+    to: float
+    ramp_s: float = Field(default=0.0, ge=0.0)
+
+
+def _targets_within(lowest: float, highest: float) -> AfterValidator:
+    """Limit the targets of a list of changes to [lowest, highest]."""
+
+    def check_targets(changes: list[Change]) -> list[Change]:
+        for number, change in enumerate(changes):
+            if not lowest <= change.to <= highest:
+                msg = f"{number}.to: given {change.to:g}; allowed: {lowest:g} to {highest:g}"
+                raise ValueError(msg)
+        return changes
+
+    return AfterValidator(check_targets)
+
+
+class References(_Part):
+    """References of the controller, as changes from the operating point."""
+
+    evaporator_pressure_kpa: Annotated[list[Change], _targets_within(-100.0, 150.0)] = []
+    superheat_k: Annotated[list[Change], _targets_within(-18.0, 30.0)] = []
+
+
+class Air(_Part):
+    """Air side of the evaporator, as changes from the operating point."""
+
+    mass_flow_percent: Annotated[list[Change], _targets_within(-90.0, 300.0)] = []
+    inlet_temperature_k: Annotated[list[Change], _targets_within(-30.0, 30.0)] = []
+
+
+class _Fault(_Part):
+    """What both faults share: when, and how it grows."""
+
+    onset_s: float = Field(ge=0.0)
+    end_s: float | None = None
+    profile: Literal["step", "ramp", "sine", "drift", "intermittent", "random_walk"] = "step"
+    rise_s: float | None = Field(default=None, gt=0.0)
+    period_s: float | None = Field(default=None, gt=0.0)
+    time_constant_s: float | None = Field(default=None, gt=0.0)
+    duty_percent: float | None = Field(default=None, gt=0.0, lt=100.0)
+    seed: int | None = Field(default=None, ge=0)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "_Fault":
+        if self.end_s is not None and self.end_s <= self.onset_s:
+            msg = f"end_s {self.end_s:g} must come after onset_s {self.onset_s:g}"
+            raise ValueError(msg)
+        for key in ("rise_s", "period_s", "time_constant_s", "duty_percent", "seed"):
+            if getattr(self, key) is not None and key not in PROFILE_KEYS[self.profile]:
+                own = ", ".join(PROFILE_KEYS[self.profile]) or "no further key"
+                msg = f"{key} does not belong to the profile {self.profile!r}, which takes {own}"
+                raise ValueError(msg)
+        return self
+
+    def over(self, time_s: NDArray[np.float64], size: float) -> NDArray[np.float64]:
+        """Fault of `size` over the ticks `time_s`, shape (K,)."""
+        shape = {key: getattr(self, key) for key in PROFILE_KEYS[self.profile] if getattr(self, key) is not None}
+        return size * unit_profile(time_s, self.profile, self.onset_s, self.end_s, **shape)
+
+
+class CompressorSpeedFault(_Fault):
+    """f_N: adds `size_rpm` to the compressor speed at the plant's input."""
+
+    kind: Literal["compressor_speed"]
+    size_rpm: float = Field(ge=-1000.0, le=1000.0)
+
+    @property
+    def size(self) -> float:
+        """Size in rad/s."""
+        return self.size_rpm * RPM
+
+
+class EvaporatorPressureFault(_Fault):
+    """f_p: adds `size_kpa` to the measured evaporator pressure."""
+
+    kind: Literal["evaporator_pressure"]
+    size_kpa: float = Field(ge=-100.0, le=100.0)
+
+    @property
+    def size(self) -> float:
+        """Size in Pa."""
+        return self.size_kpa * KPA
+
+
+Fault = Annotated[CompressorSpeedFault | EvaporatorPressureFault, Field(discriminator="kind")]
+
+
+class Noise(_Part):
+    """Gaussian sensor noise: standard deviations, and the seed that makes a run repeatable."""
+
+    evaporator_pressure_kpa: float = Field(default=0.0, ge=0.0, le=50.0)
+    superheat_k: float = Field(default=0.0, ge=0.0, le=20.0)
+    wall_temperature_k: float = Field(default=0.0, ge=0.0, le=20.0)
+    seed: int = Field(default=0, ge=0)
+
+    @property
+    def std(self) -> NDArray[np.float64]:
+        """Standard deviations of (p_e, SH, T_w) in (Pa, K, K)."""
+        return np.array([self.evaporator_pressure_kpa * KPA, self.superheat_k, self.wall_temperature_k])
+
+
+class Scenario(_Part):
+    """A whole run. See `docs/` and the files in `bringup/scenarios/` for examples."""
+
+    name: str = Field(pattern=r"^[A-Za-z0-9_-]+$")
+    description: str = ""
+    operating_point: Literal["low", "med", "high"] = "med"
+    duration_s: float = Field(gt=0.0, le=86400.0)
+    sample_time_s: float = Field(default=DEFAULT_SAMPLE_TIME_S, ge=0.01, le=0.1)
+    passive: bool = False
+    references: References = References()
+    air: Air = Air()
+    faults: list[Fault] = []
+    noise: Noise = Noise()
+
+    @model_validator(mode="after")
+    def _within_the_run(self) -> "Scenario":
+        for number, fault in enumerate(self.faults):
+            if fault.onset_s >= self.duration_s:
+                msg = f"faults.{number}.onset_s {fault.onset_s:g} must come before the end at {self.duration_s:g} s"
+                raise ValueError(msg)
+        for part in (self.references, self.air):
+            for key in type(part).model_fields:
+                for before, after in zip(getattr(part, key)[:-1], getattr(part, key)[1:], strict=True):
+                    if after.at_s < before.at_s + before.ramp_s:
+                        msg = (
+                            f"{key}: the change at {after.at_s:g} s starts before the one at {before.at_s:g} s is over"
+                        )
+                        raise ValueError(msg)
+        return self
+
+    @property
+    def ticks(self) -> int:
+        """Number of ticks K; tick k is at ``k * sample_time_s``, so the last one is one sample before the end."""
+        return max(1, round(self.duration_s / self.sample_time_s))
+
+    @property
+    def tick_ns(self) -> int:
+        """Sample time in whole nanoseconds, the unit of a ROS stamp."""
+        return round(self.sample_time_s * 1e9)
+
+
+@dataclass(frozen=True)
+class Program:
+    """A scenario as arrays over its K ticks, SI: what the loop and the scenario node play.
+
+    Attributes
+    ----------
+    time_s
+        (K,) exactly ``k * tick_ns / 1e9``, as a receiver computes it from a stamp.
+    reference
+        (K, 2) ``[p_e Pa, SH K]``.
+    air
+        (K, 2) ``[air mass flow kg/s, air inlet temperature degC]``.
+    faults
+        (K, 2) ``[f_N rad/s, f_p Pa]``.
+    """
+
+    time_s: NDArray[np.float64]
+    reference: NDArray[np.float64]
+    air: NDArray[np.float64]
+    faults: NDArray[np.float64]
+
+
+def program(scenario: Scenario, inputs: NDArray[np.float64], outputs: NDArray[np.float64]) -> Program:
+    """Turn a scenario into arrays over all ticks.
+
+    Parameters
+    ----------
+    scenario
+        The checked scenario.
+    inputs
+        Inputs at the operating point, (4,) ``[rad/s, 0..1, kg/s, degC]``.
+    outputs
+        Outputs at the operating point, (4,) ``[p_e Pa, SH K, T_w degC, p_c Pa]``.
+    """
+    time_s = np.arange(scenario.ticks) * scenario.tick_ns / 1e9
+    references, air = scenario.references, scenario.air
+    return Program(
+        time_s=time_s,
+        reference=np.column_stack(
+            [
+                outputs[0] + KPA * _moves(time_s, references.evaporator_pressure_kpa),
+                outputs[1] + _moves(time_s, references.superheat_k),
+            ]
+        ),
+        air=np.column_stack(
+            [
+                inputs[2] * (1.0 + _moves(time_s, air.mass_flow_percent) / 100.0),
+                inputs[3] + _moves(time_s, air.inlet_temperature_k),
+            ]
+        ),
+        faults=np.column_stack(
+            [
+                sum(
+                    (fault.over(time_s, fault.size) for fault in scenario.faults if fault.kind == kind),
+                    start=np.zeros_like(time_s),
+                )
+                for kind in ("compressor_speed", "evaporator_pressure")
+            ]
+        ),
+    )
+
+
+def _moves(time_s: NDArray[np.float64], changes: Sequence[Change]) -> NDArray[np.float64]:
+    """Offset over time, (K,): 0, then each change in turn from where the one before left it."""
+    offset = np.zeros_like(time_s)
+    start = 0.0
+    for change in changes:
+        progress = (time_s >= change.at_s).astype(np.float64)
+        if change.ramp_s > 0.0:
+            progress = np.clip((time_s - change.at_s) / change.ramp_s, 0.0, 1.0)
+        offset += (change.to - start) * progress
+        start = change.to
+    return offset
+
+
+def built_in_scenarios() -> dict[str, Path]:
+    """Names of the built-in scenarios and where they are, in alphabetical order."""
+    return {path.stem: path for path in sorted(BUILT_IN.glob("*.yaml"))}
+
+
+def load(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
+    """Read a scenario by built-in name or by path, with ``KEY=VALUE`` overrides applied, and check it.
+
+    Parameters
+    ----------
+    name_or_path
+        A built-in name (``actuator_fault``) or the path of a YAML file.
+    overrides
+        ``dotted.key=value``; list items by number, as in ``faults.0.size_rpm=60``.
+
+    Raises
+    ------
+    BringupError
+        One line naming the file, the key, what was given and what is allowed.
+    """
+    path = _find(name_or_path)
+    try:
+        content = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
+    except OSError as problem:
+        msg = f"{path}: cannot be read: {problem.strerror}"
+        raise BringupError(msg) from None
+    except UnicodeDecodeError:
+        msg = f"{path}: not a text file in UTF-8"
+        raise BringupError(msg) from None
+    except yaml.YAMLError as problem:
+        msg = f"{path}: not valid YAML: {one_line(problem)}"
+        raise BringupError(msg) from None
+    if not isinstance(content, dict):
+        msg = f"{path}: must hold keys and values such as 'duration_s: 600', not {_kind(content)}"
+        raise BringupError(msg)
+    content.setdefault("name", path.stem)
+    for override in overrides:
+        _override(content, override)
+    return _validated(content, f"{path.name} with --set" if overrides else str(path))
+
+
+def check(content: Mapping[str, Any], source: str = "scenario") -> Scenario:
+    """Check a mapping against the scenario schema; raises `BringupError` as `load` does."""
+    return _validated(dict(content), source)
+
+
+def to_yaml(scenario: Scenario) -> str:
+    """`scenario` as a YAML text that `load` reads back to an equal one."""
+    return yaml.safe_dump(scenario.model_dump(mode="json", exclude_defaults=True), sort_keys=False)
+
+
+# ---------------------------------------------------------------------------------------------------- reading
+
+
+class _Loader(yaml.SafeLoader):
+    """PyYAML's safe loader, which also reads 1e3 as a number and refuses a key given twice."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        """Construct a mapping, refusing duplicate keys (YAML 1.2 forbids them; PyYAML keeps the last silently)."""
+        seen = set()
+        for key_node, _ in node.value:
+            key = key_node.value if isinstance(key_node, yaml.ScalarNode) else None
+            if key in seen and key is not None:
+                raise yaml.constructor.ConstructorError(None, None, f"key {key!r} is given twice", key_node.start_mark)
+            seen.add(key)
+        return super().construct_mapping(node, deep=deep)
+
+
+# YAML 1.2's float; PyYAML (YAML 1.1) takes 1e3 for text.
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"^[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$"),
+    list("-+0123456789."),
+)
+
+
+def _find(name_or_path: str | Path) -> Path:
+    text = str(name_or_path)
+    known = built_in_scenarios()
+    if text in known:
+        return known[text]
+    path = Path(text)
+    if path.is_dir():
+        msg = f"{text}: is a folder, not a scenario file"
+        raise BringupError(msg)
+    if path.exists():
+        return path
+    if path.suffix in (".yaml", ".yml") or "/" in text:
+        msg = f"{text}: no such scenario file"
+        raise BringupError(msg)
+    raise BringupError(_unknown("scenario", text, list(known)) + ", or the path of a YAML file")
+
+
+def _override(content: dict[str, Any], override: str) -> None:
+    """Set one ``dotted.key=value`` in the raw content; the schema then judges it like any other value."""
+    key, equals, text = override.partition("=")
+    if not equals or not key:
+        msg = f"--set {override}: must be KEY=VALUE, for instance faults.0.size_rpm=60"
+        raise BringupError(msg)
+    try:
+        value = yaml.load(text, Loader=_Loader)
+    except yaml.YAMLError:
+        msg = f"--set {override}: the value {text!r} is not valid YAML"
+        raise BringupError(msg) from None
+    target: Any = content
+    *parents, last = key.split(".")
+    for depth, part in enumerate(parents):
+        where = ".".join(parents[: depth + 1])
+        if isinstance(target, list):
+            target = target[_index(part, target, override, where)]
+        else:
+            if target.get(part) is None:
+                target[part] = {}
+            target = target[part]
+        if not isinstance(target, dict | list):
+            msg = f"--set {override}: {where} is {_kind(target)} and has nothing below it"
+            raise BringupError(msg)
+    if isinstance(target, list):
+        target[_index(last, target, override, key)] = value
+    else:
+        target[last] = value
+
+
+def _index(part: str, items: list[Any], override: str, where: str) -> int:
+    if part.isdecimal() and int(part) < len(items):
+        return int(part)
+    allowed = f"0 to {len(items) - 1}" if items else "none, the list is empty"
+    msg = f"--set {override}: {where} is not an item of the list; allowed: {allowed}"
+    raise BringupError(msg)
+
+
+# --------------------------------------------------------------------------------------------- error messages
+
+
+def _validated(content: dict[str, Any], source: str) -> Scenario:
+    try:
+        return Scenario.model_validate(content)
+    except ValidationError as error:
+        problems = error.errors(include_url=False)
+        lines = [_line(problem) for problem in problems[:3]]
+        more = f" (and {len(problems) - 3} more)" if len(problems) > 3 else ""
+        msg = f"{source}: {'; '.join(lines)}{more}"
+        raise BringupError(msg) from None
+
+
+def _line(problem: Any) -> str:
+    """One pydantic problem as ``key: what was given, what is allowed``."""
+    tags = {"compressor_speed", "evaporator_pressure"}
+    where = ".".join(str(part) for part in problem["loc"] if part not in tags)
+    prefix = f"{where}: " if where else ""
+    kind, given, context = problem["type"], problem.get("input"), problem.get("ctx", {})
+    if kind == "value_error":
+        return prefix + str(context["error"])
+    if kind == "missing":
+        return f"{prefix}is missing"
+    if kind == "union_tag_not_found":
+        return f"{prefix}kind is missing; allowed: compressor_speed, evaporator_pressure"
+    if kind == "union_tag_invalid":
+        return f"{prefix}{_unknown('kind', context['tag'], sorted(tags))}"
+    if kind == "literal_error":
+        return f"{prefix}given {given!r}; allowed: {context['expected']}"
+    allowed = one_line(problem["msg"]).replace("Input should be", "must be")
+    return f"{prefix}given {_short(given)}; {allowed}"
+
+
+def _unknown(what: str, given: object, allowed: list[str]) -> str:
+    near = difflib.get_close_matches(str(given), allowed, n=1, cutoff=0.6)
+    hint = f", did you mean {near[0]!r}?" if near else ";"
+    return f"unknown {what} {_short(given)}{hint} allowed: {', '.join(allowed)}"
+
+
+def _short(value: object) -> str:
+    text = one_line(repr(value))
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _kind(value: object) -> str:
+    names = {
+        dict: "a mapping",
+        list: "a list",
+        str: "a text",
+        int: "a number",
+        float: "a number",
+        type(None): "nothing",
+    }
+    return names.get(type(value), f"a {type(value).__name__}")
