@@ -1,13 +1,14 @@
 """Results of long computations, kept on disk under the content that they depend on.
 
-A key is everything that decides the result: parameters, weights, and the source text of the code that computes it. A changed
-parameter or a changed line of code therefore makes a new key, and can never meet a stale result.
+A key is everything that decides the result: parameters, weights, and the source text of the code that computes it.
+A changed parameter or a changed line of code therefore makes a new key, and can never meet a stale result.
 """
 
 import hashlib
 import json
 import os
 import tempfile
+import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import ModuleType
@@ -70,7 +71,7 @@ def _read(file: Path) -> Arrays | None:
     try:
         with np.load(file, allow_pickle=False) as stored:
             return dict(stored)
-    except (OSError, ValueError, EOFError, KeyError):
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile):
         return None  # absent, or cut short by a crash: computed again
 
 

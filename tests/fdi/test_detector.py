@@ -1,0 +1,82 @@
+"""The decision: when a residual counts as a fault, which one, and when it is over."""
+
+import math
+
+import numpy as np
+import pytest
+
+from fdi_node.detector import FAULTS, Detection, FaultDetector, FdiDesign, Supervision
+
+
+def detector(**rules: float) -> FaultDetector:
+    """Detector without dynamics: the residuals are minus the first two measurements, the thresholds one."""
+    design = FdiDesign(
+        a=np.zeros((1, 1)),
+        b=np.zeros((1, 6)),
+        c=np.zeros((3, 1)),
+        h_a=np.zeros((1, 1)),
+        h_b=np.zeros((1, 3)),
+        h_c=np.zeros((2, 1)),
+        h_d=np.eye(2, 3),
+        input_rest=np.zeros(3),
+        output_rest=np.zeros(3),
+        thresholds=np.ones(2),
+        sample_time_s=0.1,
+        supervision=Supervision(**rules),
+    )
+    return FaultDetector(design)
+
+
+def feed(subject: FaultDetector, residuals: list[tuple[float, float]], start_s: float = 0.0) -> list[Detection]:
+    """Detections over ticks of 0.1 s in which the residuals are the given ones."""
+    seen = []
+    for k, (speed, pressure) in enumerate(residuals):
+        seen.append(subject.observe(start_s + 0.1 * k, -np.array([speed, pressure, 0.0]), 0.0))
+        subject.commanded(np.zeros(2))
+    return seen
+
+
+def test_silence_below_the_thresholds() -> None:
+    last = feed(detector(), [(0.99, -0.99)] * 500)[-1]
+    assert not last.detected
+    assert last.isolated is None
+    assert math.isnan(last.size)
+    assert math.isnan(last.onset_s)
+
+
+@pytest.mark.parametrize("fault", [0, 1])
+@pytest.mark.parametrize("size", [-3.0, 3.0])
+def test_the_leading_residual_names_the_fault(fault: int, size: float) -> None:
+    residual = (size, 0.1) if fault == 0 else (0.1, size)
+    seen = feed(detector(confirm_s=1.0, isolate_s=1.0), [(0.0, 0.0)] * 10 + [residual] * 40)
+    assert seen[-1].isolated == FAULTS[fault]
+    assert seen[-1].size == size
+    assert seen[-1].onset_s == pytest.approx(1.0)
+    assert not any(d.detected for d in seen[:20])
+    assert all(d.detected for d in seen[20:])
+    assert seen[-1].isolated_s == pytest.approx(2.1, abs=0.11)
+
+
+def test_a_short_peak_is_not_a_fault() -> None:
+    assert not any(d.detected for d in feed(detector(confirm_s=1.0), [(5.0, 0.0)] * 9 + [(0.0, 0.0)] * 50))
+
+
+def test_two_residuals_alike_are_detected_but_not_isolated() -> None:
+    last = feed(detector(lead=1.5), [(3.0, 2.5)] * 200)[-1]
+    assert last.detected
+    assert last.isolated is None
+
+
+def test_a_fault_that_goes_away_is_cleared_and_can_come_back() -> None:
+    subject = detector(clear_s=2.0)
+    assert feed(subject, [(3.0, 0.0)] * 50)[-1].isolated == FAULTS[0]
+    assert not feed(subject, [(0.1, 0.0)] * 50, start_s=5.0)[-1].detected
+    again = feed(subject, [(0.0, 3.0)] * 50, start_s=10.0)[-1]
+    assert again.isolated == FAULTS[1]
+    assert again.onset_s == pytest.approx(10.0)
+
+
+def test_the_isolation_stays_while_its_residual_does() -> None:
+    subject = detector()
+    feed(subject, [(3.0, 0.0)] * 50)
+    assert feed(subject, [(3.0, 5.0)] * 100, start_s=5.0)[-1].isolated == FAULTS[0]
