@@ -5,7 +5,6 @@ and the air side are given as changes from the operating point, so one scenario 
 """
 
 import difflib
-import math
 import re
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,13 +18,10 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from bringup.errors import BringupError, one_line
 from bringup.profiles import PROFILE_KEYS, unit_profile
+from bringup.units import KPA, RPM
 
 #: Sample time of the loop when a scenario does not say otherwise, s (10 Hz).
 DEFAULT_SAMPLE_TIME_S = 0.1
-RPM = 2.0 * math.pi / 60.0
-"""One revolution per minute in rad/s."""
-KPA = 1000.0
-"""One kilopascal in Pa."""
 
 BUILT_IN = Path(__file__).parent / "scenarios"
 

@@ -1,0 +1,177 @@
+"""The whole loop in one process, without ROS: the same step functions as the nodes, in the order of one tick.
+
+Tick k: plant outputs -> injector (f_p, noise) -> detector -> compensator -> controller -> injector (f_N) -> plant. The
+graph of processes calls exactly these functions in this order, so both give the same numbers.
+"""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bringup.recording import Recording, StatusRow
+from bringup.scenario import Scenario, program
+from bringup.topics import SERIES
+
+Progress = Callable[[int, int], None]
+
+#: Ticks between two calls of the progress function.
+PROGRESS_EVERY = 200
+
+
+class RunError(RuntimeError):
+    """A run that began and could not go on; one line that says where it stopped and why."""
+
+
+def simulate(scenario: Scenario, passive: bool | None = None, progress: Progress | None = None) -> Recording:
+    """Run `scenario` on the nonlinear plant.
+
+    Parameters
+    ----------
+    scenario
+        What to run.
+    passive
+        True: K0 alone, the compensator stays silent. None: as the scenario says.
+    progress
+        Called now and then with the ticks done and the ticks in all.
+
+    Returns
+    -------
+    Recording
+        Every signal of the loop, as if read back from a bag; mode ``simulate``.
+
+    Raises
+    ------
+    RunError
+        When the plant leaves the domain of its model.
+    """
+    # Imported here: these compile or load designs, and the command line must answer --help at once.
+    import fdi_node
+    import gimc_controller_node
+    from ac_plant_node import Plant, operating_point
+    from fault_injector_node.injector import FaultInjector
+    from fdi_node import FaultDetector
+    from gimc_controller_node import Compensator, Controller
+
+    passive = scenario.passive if passive is None else passive
+    point, sample_time_s, ticks = scenario.operating_point, scenario.sample_time_s, scenario.ticks
+    rest = operating_point(point)
+    plan = program(scenario, rest.inputs, rest.outputs)
+    plant = Plant.at(point)
+    injector = FaultInjector(scenario.noise.std, scenario.noise.seed)
+    detector = FaultDetector(fdi_node.design(point, sample_time_s))
+    compensator = Compensator(gimc_controller_node.design_compensator(point, sample_time_s), accommodate=not passive)
+    controller = Controller(gimc_controller_node.design_controller(point, sample_time_s))
+
+    log = {key: np.empty((ticks, width)) for key, width in _WIDTHS.items()}
+    status: list[StatusRow] = []
+    inputs = rest.inputs.copy()
+    outputs = rest.outputs
+    started = time.perf_counter()
+    for k in range(ticks):
+        f_n, f_p = plan.faults[k]
+        # The plant reports the inlet temperature that acted until now: the one held over the sample just past.
+        air_inlet_temperature_c = inputs[3]
+        measured = injector.measure(outputs[:3], f_p)
+        found = detector.observe(plan.time_s[k], measured, air_inlet_temperature_c)
+        q = compensator.step(found.innovation, found.isolated)
+        command = controller.step(plan.reference[k], measured[:2], q)
+        detector.commanded(command)
+        actuator = injector.actuate(command, f_n)
+
+        log["outputs"][k] = outputs
+        log["air_inlet"][k] = air_inlet_temperature_c
+        log["measured"][k] = measured
+        log["innovation"][k] = found.innovation
+        log["residual"][k] = found.residual
+        log["q"][k] = q
+        log["command"][k] = command
+        log["actuator"][k] = actuator
+        status.append(
+            StatusRow(
+                time_s=plan.time_s[k],
+                detected=bool(found.detected),
+                isolated=found.isolated,
+                size=float(found.size),
+                onset_s=float(found.onset_s),
+                isolated_s=float(found.isolated_s),
+                thresholds=(float(found.thresholds[0]), float(found.thresholds[1])),
+            )
+        )
+
+        inputs[:2] = actuator
+        inputs[2:] = plan.air[k]
+        try:
+            outputs = plant.step(inputs, sample_time_s)
+        except ValueError as problem:
+            msg = f"{scenario.name}: the plant stopped at {plan.time_s[k]:.1f} s: {problem}"
+            raise RunError(msg) from problem
+        if progress is not None and k % PROGRESS_EVERY == 0:
+            progress(k, ticks)
+    if progress is not None:
+        progress(ticks, ticks)
+
+    log["reference"], log["air"], log["faults"] = plan.reference, plan.air, plan.faults
+    return Recording(
+        time_s=plan.time_s,
+        series=_as_series(log),
+        status=status,
+        metadata={
+            "scenario": scenario.model_dump(mode="json"),
+            "mode": "simulate",
+            "passive": passive,
+            "sample_time_s": sample_time_s,
+            "wall_seconds": time.perf_counter() - started,
+            "missed_ticks": 0,
+            "complete": True,
+        },
+    )
+
+
+#: Columns of each logged array.
+_WIDTHS = {
+    "outputs": 4,
+    "air_inlet": 1,
+    "measured": 3,
+    "innovation": 3,
+    "residual": 2,
+    "q": 2,
+    "command": 2,
+    "actuator": 2,
+}
+
+#: Which column of which logged array a recorded series is.
+_COLUMNS = {
+    "plant/evaporator_pressure": ("outputs", 0),
+    "plant/superheat": ("outputs", 1),
+    "plant/wall_temperature": ("outputs", 2),
+    "plant/condenser_pressure": ("outputs", 3),
+    "plant/air_inlet_temperature": ("air_inlet", 0),
+    "measured/evaporator_pressure": ("measured", 0),
+    "measured/superheat": ("measured", 1),
+    "measured/wall_temperature": ("measured", 2),
+    "reference/evaporator_pressure": ("reference", 0),
+    "reference/superheat": ("reference", 1),
+    "scenario/air:evaporator_air": ("air", 0),
+    "scenario/air_inlet_temperature": ("air", 1),
+    "scenario/fault/compressor_speed:compressor": ("faults", 0),
+    "scenario/fault/evaporator_pressure": ("faults", 1),
+    "controller/command:compressor": ("command", 0),
+    "controller/command:expansion_valve": ("command", 1),
+    "actuator/command:compressor": ("actuator", 0),
+    "actuator/command:expansion_valve": ("actuator", 1),
+    "fdi/innovation/evaporator_pressure": ("innovation", 0),
+    "fdi/innovation/superheat": ("innovation", 1),
+    "fdi/innovation/wall_temperature": ("innovation", 2),
+    "fdi/residual/compressor_speed:compressor": ("residual", 0),
+    "fdi/residual/evaporator_pressure": ("residual", 1),
+    "compensator/q:compressor": ("q", 0),
+    "compensator/q:expansion_valve": ("q", 1),
+    "fault/compressor_speed:compressor": ("faults", 0),
+    "fault/evaporator_pressure": ("faults", 1),
+}
+
+
+def _as_series(log: dict[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
+    return {key: log[_COLUMNS[key][0]][:, _COLUMNS[key][1]].copy() for key in SERIES}

@@ -1,0 +1,244 @@
+"""What a run amounts to, in the numbers of `summary.json`: the same function for a bag and for a simulation."""
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bringup.errors import BringupError
+from bringup.recording import Recording, StatusRow
+from bringup.topics import FAULTS
+from bringup.units import FAULT_UNITS, KPA, RPM
+
+#: "At rest" and "just before" are averages over this long, s.
+WINDOW_S = 20.0
+#: A detection this long after a fault has gone away still belongs to it, s.
+GRACE_S = 60.0
+
+_TRUTH = {"compressor_speed": "fault/compressor_speed:compressor", "evaporator_pressure": "fault/evaporator_pressure"}
+
+
+@dataclass(frozen=True)
+class InjectedFault:
+    """One fault of a run: `size` in SI (rad/s or Pa), `end_s` nan when it stayed."""
+
+    kind: str
+    onset_s: float
+    end_s: float
+    size: float
+
+
+def summarise(recording: Recording) -> dict[str, Any]:
+    """Key figures of a run.
+
+    Returns
+    -------
+    dict
+        Ready for JSON (what could not be computed is None):
+
+        ``scenario``, ``mode``, ``passive``, ``ticks``, ``sample_time_s``, ``wall_seconds``, ``real_time_factor``
+        (simulated over wall time), ``missed_ticks``, ``complete`` (False for a recording cut short).
+
+        ``faults``: a list in order of onset, each with ``kind``, ``onset_s``, ``size``, ``unit`` (of `size` and
+        `estimate`: rpm or kPa), ``detected_s`` (first detection after the onset), ``isolated_s``, ``isolated_as`` (the
+        first fault named after the onset), and ``estimate`` (the detector's size of that fault, averaged over the last
+        20 s of its isolation).
+
+        ``false_alarms``: detections that begin while no fault is present nor was within the last 60 s, plus isolations
+        that name a fault that is not there although another one is.
+
+        ``metrics``:
+
+        - ``command_change_rpm``: compressor speed commanded, mean of the last 20 s of the run minus mean of the 20 s
+          before the last fault's onset (without a fault: minus mean of the first 20 s).
+        - ``peak_pressure_error_kpa``: largest magnitude of *actual* p_e minus its reference from the first fault's
+          onset on (without a fault: over the whole run). Also ``peak_superheat_error_k``.
+        - ``steady_pressure_error_kpa``: the same difference, with its sign, averaged over the last 20 s. Also
+          ``steady_superheat_error_k``.
+
+    Raises
+    ------
+    BringupError
+        When the recording holds no tick.
+    """
+    time_s, series, about = recording.time_s, recording.series, recording.metadata
+    if len(time_s) == 0:
+        msg = "the recording holds no tick"
+        raise BringupError(msg)
+    faults = injected_faults(recording)
+    first_onset_s = min((fault.onset_s for fault in faults), default=float(time_s[0]))
+    last_onset_s = max((fault.onset_s for fault in faults), default=float(time_s[0]) + WINDOW_S)
+
+    after = time_s >= first_onset_s
+    at_rest = time_s > time_s[-1] - WINDOW_S
+    before = (time_s >= last_onset_s - WINDOW_S) & (time_s < last_onset_s)
+    if not before.any():
+        before = time_s == time_s[0]
+    command_rpm = series["controller/command:compressor"] / RPM
+    pressure_error_kpa = (series["plant/evaporator_pressure"] - series["reference/evaporator_pressure"]) / KPA
+    superheat_error_k = series["plant/superheat"] - series["reference/superheat"]
+
+    sample_time_s = float(about["sample_time_s"])
+    wall_seconds = about.get("wall_seconds")
+    return {
+        "scenario": about["scenario"]["name"],
+        "mode": about["mode"],
+        "passive": bool(about["passive"]),
+        "ticks": len(time_s),
+        "sample_time_s": sample_time_s,
+        "wall_seconds": wall_seconds,
+        "real_time_factor": len(time_s) * sample_time_s / wall_seconds if wall_seconds else None,
+        "missed_ticks": int(about.get("missed_ticks") or 0),
+        "complete": bool(about.get("complete", True)),
+        "faults": [_fault_summary(recording, faults, number) for number in range(len(faults))],
+        "false_alarms": false_alarms(recording),
+        "metrics": {
+            "command_change_rpm": _number(_mean(command_rpm[at_rest]) - _mean(command_rpm[before])),
+            "peak_pressure_error_kpa": _number(_peak(pressure_error_kpa[after])),
+            "steady_pressure_error_kpa": _number(_mean(pressure_error_kpa[at_rest])),
+            "peak_superheat_error_k": _number(_peak(superheat_error_k[after])),
+            "steady_superheat_error_k": _number(_mean(superheat_error_k[at_rest])),
+        },
+    }
+
+
+def write_summary(summary: dict[str, Any], path: Path) -> None:
+    """Write `summary` as JSON, readable and strict (no NaN)."""
+    path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def injected_faults(recording: Recording) -> list[InjectedFault]:
+    """Faults that were really injected, in order of onset.
+
+    Those of the scenario when they explain the recorded truth; what was injected live besides is read off the truth
+    itself: from where it leaves zero until it is back there for longer than the grace time.
+    """
+    time_s = recording.time_s
+    found = []
+    for kind in FAULTS:
+        truth = recording.series[_TRUTH[kind]]
+        truth = np.where(np.isfinite(truth), truth, 0.0)
+        planned = recording.series["scenario/" + _TRUTH[kind]]
+        planned = np.where(np.isfinite(planned), planned, 0.0)
+        if np.array_equal(truth, planned):
+            found += [fault for fault in _scheduled(recording) if fault.kind == kind]
+        else:
+            found += [_read_off(kind, time_s, truth, start, stop) for start, stop in _episodes(time_s, truth != 0.0)]
+    return sorted(found, key=lambda fault: fault.onset_s)
+
+
+def false_alarms(recording: Recording) -> int:
+    """Count detections without a fault, and isolations that name the wrong one; see `summarise`."""
+    faults = injected_faults(recording)
+
+    def present(time_s: float, kind: str | None = None) -> bool:
+        return any(
+            fault.onset_s <= time_s and not time_s > fault.end_s + GRACE_S
+            for fault in faults
+            if kind is None or fault.kind == kind
+        )
+
+    count = 0
+    detected, false_episode, isolated = False, False, None
+    for row in recording.status:
+        if row.detected and not detected:
+            false_episode = not present(row.time_s)
+            count += false_episode
+        named = row.isolated is not None and row.isolated != isolated
+        if named and not false_episode and not present(row.time_s, row.isolated):
+            count += 1
+        detected, isolated = row.detected, row.isolated
+    return count
+
+
+def _scheduled(recording: Recording) -> list[InjectedFault]:
+    """Faults of the scenario whose onset lies within what was recorded."""
+    sizes = {"compressor_speed": "size_rpm", "evaporator_pressure": "size_kpa"}
+    return [
+        InjectedFault(
+            kind=fault["kind"],
+            onset_s=float(fault["onset_s"]),
+            end_s=math.nan if fault.get("end_s") is None else float(fault["end_s"]),
+            size=float(fault[sizes[fault["kind"]]]) * FAULT_UNITS[fault["kind"]][1],
+        )
+        for fault in recording.metadata["scenario"].get("faults", [])
+        if fault["onset_s"] <= recording.time_s[-1]
+    ]
+
+
+def _read_off(
+    kind: str, time_s: NDArray[np.float64], truth: NDArray[np.float64], start: int, stop: int
+) -> InjectedFault:
+    """Fault between two ticks; its size is the value of largest magnitude."""
+    values = truth[start:stop]
+    return InjectedFault(
+        kind=kind,
+        onset_s=float(time_s[start]),
+        end_s=math.nan if stop == len(truth) else float(time_s[stop]),
+        size=float(values[np.argmax(np.abs(values))]),
+    )
+
+
+def _episodes(time_s: NDArray[np.float64], holds: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Half-open index ranges where `holds`, those closer together than the grace time taken as one."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8)))
+    ranges: list[tuple[int, int]] = []
+    for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        if ranges and time_s[start] - time_s[ranges[-1][1]] < GRACE_S:
+            ranges[-1] = (ranges[-1][0], stop)
+        else:
+            ranges.append((start, stop))
+    return ranges
+
+
+def _fault_summary(recording: Recording, faults: list[InjectedFault], number: int) -> dict[str, Any]:
+    """One entry of ``faults``: what was injected, and what the detector made of it before the next fault came."""
+    fault = faults[number]
+    until_s = faults[number + 1].onset_s if number + 1 < len(faults) else math.inf
+    before = [row for row in recording.status if row.time_s < fault.onset_s]
+    rows = [row for row in recording.status if fault.onset_s <= row.time_s < until_s]
+    was_detected = bool(before) and before[-1].detected
+    was_isolated = before[-1].isolated if before else None
+
+    isolation = next((row for row in rows if row.isolated is not None and row.isolated != was_isolated), None)
+    # While an earlier fault is still detected, a new one shows first when it is named.
+    detection = isolation if was_detected else next((row for row in rows if row.detected), None)
+    unit, in_si = FAULT_UNITS[fault.kind]
+    return {
+        "kind": fault.kind,
+        "onset_s": fault.onset_s,
+        "size": fault.size / in_si,
+        "unit": unit,
+        "detected_s": detection.time_s if detection else None,
+        "isolated_s": isolation.time_s if isolation else None,
+        "isolated_as": isolation.isolated if isolation else None,
+        "estimate": _estimate(rows, isolation),
+    }
+
+
+def _estimate(rows: list[StatusRow], isolation: StatusRow | None) -> float | None:
+    """Size given by the detector, in rpm or kPa, averaged over the last 20 s in which that fault was isolated."""
+    if isolation is None or isolation.isolated is None:
+        return None
+    named = [row for row in rows if row.isolated == isolation.isolated and row.time_s >= isolation.time_s]
+    last = [row.size for row in named if row.time_s > named[-1].time_s - WINDOW_S]
+    return _number(_mean(np.array(last)) / FAULT_UNITS[isolation.isolated][1])
+
+
+def _mean(values: NDArray[np.float64]) -> float:
+    finite = values[np.isfinite(values)]
+    return float(finite.mean()) if len(finite) else math.nan
+
+
+def _peak(values: NDArray[np.float64]) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.abs(finite).max()) if len(finite) else math.nan
+
+
+def _number(value: float) -> float | None:
+    """`value`, or None where there is none: JSON knows no NaN."""
+    return value if math.isfinite(value) else None
