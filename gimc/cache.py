@@ -10,8 +10,8 @@ import os
 import tempfile
 import zipfile
 from collections.abc import Callable, Mapping
+from importlib.util import find_spec
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -26,14 +26,19 @@ def cache_folder() -> Path:
     return Path(os.environ.get("ACFTC_CACHE_DIR") or user_cache_dir("acftc"))
 
 
-def source_fingerprint(*modules: ModuleType) -> str:
-    """Hash of the source text of `modules`; of a package: of every Python file in it."""
+def source_fingerprint(*packages: str) -> str:
+    """Hash of the source text of `packages`, without importing them.
+
+    Files named `node.py` and `*_node.py` are left out: they only move messages.
+    """
     digest = hashlib.sha256()
-    for module in modules:
-        file = Path(module.__file__ or "")
-        files = sorted(file.parent.rglob("*.py")) if file.name == "__init__.py" else [file]
-        for source in files:
-            digest.update(source.name.encode() + b"\0" + source.read_bytes() + b"\0")
+    for package in packages:
+        spec = find_spec(package)
+        if spec is None or spec.origin is None:
+            raise ValueError(f"there is no package {package!r} to fingerprint")
+        for source in sorted(Path(spec.origin).parent.rglob("*.py")):
+            if not source.stem.endswith("node"):
+                digest.update(source.name.encode() + b"\0" + source.read_bytes() + b"\0")
     return digest.hexdigest()
 
 

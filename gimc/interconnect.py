@@ -1,0 +1,227 @@
+"""State-space realisations: conversion, stacking, interconnection.
+
+python-control's own arithmetic is sound but realises every operand anew; the functions here share states where blocks share them,
+which keeps the order of a generalised plant (and so of the controller that is designed from it) at what the physics needs.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gimc.errors import IllPosedError
+
+Matrix = NDArray[np.float64]
+Response = NDArray[np.complex128]
+
+
+class Abcd(NamedTuple):
+    """Matrices of `x' = A x + B u, y = C x + D u`: shapes (n, n), (n, m), (p, n), (p, m)."""
+
+    A: Matrix
+    B: Matrix
+    C: Matrix
+    D: Matrix
+
+
+def abcd(sys: Any, *, what: str = "system") -> Abcd:
+    """Matrices of a continuous-time system.
+
+    Parameters
+    ----------
+    sys : control.StateSpace, control.TransferFunction, Abcd or array_like
+        A matrix or number is a static gain.
+    what : str
+        Name of the system in error messages.
+
+    Raises
+    ------
+    ValueError
+        If it is a discrete-time system, or has an entry that is not finite.
+    """
+    if isinstance(sys, Abcd):
+        return sys
+    if isinstance(sys, control.TransferFunction):
+        sys = control.ss(sys)
+    if not isinstance(sys, control.StateSpace):
+        gain = np.atleast_2d(np.asarray(sys, dtype=float))
+        return Abcd(np.zeros((0, 0)), np.zeros((0, gain.shape[1])), np.zeros((gain.shape[0], 0)), gain)
+    if sys.dt not in (0, None):
+        raise ValueError(f"{what}: a continuous-time system is needed, this one is sampled with dt = {sys.dt}")
+    matrices = Abcd(*(np.array(matrix, dtype=float) for matrix in (sys.A, sys.B, sys.C, sys.D)))
+    for name, matrix in zip("ABCD", matrices, strict=True):
+        if not np.isfinite(matrix).all():
+            raise ValueError(f"{what}: {name} has entries that are not finite")
+    return matrices
+
+
+def state_space(matrices: Sequence[ArrayLike], like: Any = None, *, inputs: Any = None, outputs: Any = None) -> Any:
+    """`control.StateSpace` of (A, B, C, D); signal names are those of `like` where given and of the same number."""
+    A, B, C, D = (np.asarray(matrix, dtype=float) for matrix in matrices)
+    if isinstance(like, control.StateSpace):
+        inputs = like.input_labels if inputs is None and like.ninputs == D.shape[1] else inputs
+        outputs = like.output_labels if outputs is None and like.noutputs == D.shape[0] else outputs
+    return control.StateSpace(A, B, C, D, inputs=inputs, outputs=outputs, remove_useless_states=False)
+
+
+def block_diagonal(*matrices: Matrix) -> Matrix:
+    """Block-diagonal matrix; blocks may be empty in one or both directions."""
+    rows, columns = (sum(matrix.shape[axis] for matrix in matrices) for axis in (0, 1))
+    result = np.zeros((rows, columns))
+    row = column = 0
+    for matrix in matrices:
+        result[row : row + matrix.shape[0], column : column + matrix.shape[1]] = matrix
+        row, column = row + matrix.shape[0], column + matrix.shape[1]
+    return result
+
+
+def append(*systems: Any) -> Abcd:
+    """Block-diagonal system: all inputs, all outputs, all states side by side."""
+    parts = [abcd(system) for system in systems]
+    return Abcd(*(block_diagonal(*(part[i] for part in parts)) for i in range(4)))
+
+
+def stack_inputs(*systems: Any) -> Abcd:
+    """`[G1 G2 ...]`: inputs side by side, outputs added. Systems with equal A and C share their states."""
+    parts = [abcd(system) for system in systems]
+    _same("outputs", [part.D.shape[0] for part in parts])
+    first = parts[0]
+    if all(np.array_equal(part.A, first.A) and np.array_equal(part.C, first.C) for part in parts):
+        B, D = (np.hstack([part[i] for part in parts]) for i in (1, 3))
+        return Abcd(first.A, B, first.C, D)
+    A, B, _, _ = append(*parts)
+    return Abcd(A, B, np.hstack([part.C for part in parts]), np.hstack([part.D for part in parts]))
+
+
+def stack_outputs(*systems: Any) -> Abcd:
+    """`[G1; G2; ...]`: outputs one above the other, one common input. Systems with equal A and B share their states."""
+    return _transposed(stack_inputs(*(_transposed(abcd(system)) for system in systems)))
+
+
+def series(*systems: Any) -> Abcd:
+    """`G1 G2 ... Gk`: the product in the order written, so the last one acts first."""
+    parts = [abcd(system) for system in systems]
+    result = parts[-1]
+    for left in reversed(parts[:-1]):
+        _same("outputs of the right factor, inputs of the left one", [result.D.shape[0], left.D.shape[1]])
+        n, k = left.A.shape[0], result.A.shape[0]
+        A = np.block([[left.A, left.B @ result.C], [np.zeros((k, n)), result.A]])
+        B = np.vstack([left.B @ result.D, result.B])
+        result = Abcd(A, B, np.hstack([left.C, left.D @ result.C]), left.D @ result.D)
+    return result
+
+
+def add(*systems: Any) -> Abcd:
+    """`G1 + G2 + ...`; systems with equal A and C share their states."""
+    parts = [abcd(system) for system in systems]
+    stacked = stack_inputs(*parts)
+    identity = np.vstack([np.eye(part.D.shape[1]) for part in parts])
+    return Abcd(stacked.A, stacked.B @ identity, stacked.C, stacked.D @ identity)
+
+
+def scale(sys: Any, left: ArrayLike | None = None, right: ArrayLike | None = None) -> Abcd:
+    """`left G right` with constant matrices; a 1-D array is a diagonal."""
+    A, B, C, D = abcd(sys)
+    if left is not None:
+        gain = _as_matrix(left)
+        C, D = gain @ C, gain @ D
+    if right is not None:
+        gain = _as_matrix(right)
+        B, D = B @ gain, D @ gain
+    return Abcd(A, B, C, D)
+
+
+def inverse(sys: Any) -> Abcd:
+    """`G^-1` of a square system with invertible D."""
+    A, B, C, D = abcd(sys)
+    Di = _inverse(D, "D of the system to invert")
+    return Abcd(A - B @ Di @ C, B @ Di, -Di @ C, Di)
+
+
+def connect(
+    sys: Any, feedback: ArrayLike, inputs: ArrayLike, outputs: ArrayLike, through: ArrayLike | None = None
+) -> Abcd:
+    """Close loops around a system: `v = feedback y + inputs w`, `z = outputs y + through w`, with `y = G v`.
+
+    With `append` this states any interconnection: put the blocks side by side, write which output feeds which input.
+
+    Parameters
+    ----------
+    sys : system with m inputs v and p outputs y
+    feedback : array_like, shape (m, p)
+    inputs : array_like, shape (m, number of w)
+    outputs : array_like, shape (number of z, p)
+    through : array_like, shape (number of z, number of w), optional
+
+    Raises
+    ------
+    IllPosedError
+        If the algebraic loop has no solution.
+    """
+    A, B, C, D = abcd(sys)
+    F, E, G = (np.atleast_2d(np.asarray(matrix, dtype=float)) for matrix in (feedback, inputs, outputs))
+    H = np.zeros((G.shape[0], E.shape[1])) if through is None else np.asarray(through, dtype=float)
+    loop = _inverse(np.eye(D.shape[0]) - D @ F, "I - D F of the interconnection")
+    Cc, Dc = loop @ C, loop @ D @ E  # y = Cc x + Dc w
+    return Abcd(A + B @ F @ Cc, B @ (E + F @ Dc), G @ Cc, G @ Dc + H)
+
+
+def lft(P: Any, K: Any, nmeas: int, ncon: int) -> Abcd:
+    """Lower linear fractional transformation: `z = (P11 + P12 K (I - P22 K)^-1 P21) w`.
+
+    Raises
+    ------
+    IllPosedError
+        If `I - D22 D_K` is singular.
+    """
+    A, B, C, D = abcd(P)
+    Ak, Bk, Ck, Dk = abcd(K)
+    p1, m1 = D.shape[0] - nmeas, D.shape[1] - ncon
+    B1, B2, C1, C2 = B[:, :m1], B[:, m1:], C[:p1], C[p1:]
+    D11, D12, D21, D22 = D[:p1, :m1], D[:p1, m1:], D[p1:, :m1], D[p1:, m1:]
+    E = _inverse(np.eye(nmeas) - D22 @ Dk, "I - D22 D_K")
+    # y = E (C2 x + D21 w + D22 Ck xk), u = Ck xk + Dk y
+    yx, yk, yw = E @ C2, E @ D22 @ Ck, E @ D21
+    ux, uk, uw = Dk @ yx, Ck + Dk @ yk, Dk @ yw
+    Acl = np.block([[A + B2 @ ux, B2 @ uk], [Bk @ yx, Ak + Bk @ yk]])
+    Bcl = np.vstack([B1 + B2 @ uw, Bk @ yw])
+    return Abcd(Acl, Bcl, np.hstack([C1 + D12 @ ux, D12 @ uk]), D11 + D12 @ uw)
+
+
+def generalised_plant(blocks: Sequence[Sequence[Any]]) -> Abcd:
+    """Block matrix of transfer functions. Blocks of a row with equal (A, C) share states, rows with equal (A, B) do too.
+
+    `None` is not allowed as a block: write a zero matrix of the right shape, which costs no state.
+    """
+    return stack_outputs(*(stack_inputs(*row) for row in blocks))
+
+
+def _transposed(sys: Abcd) -> Abcd:
+    return Abcd(sys.A.T, sys.C.T, sys.B.T, sys.D.T)
+
+
+def _as_matrix(gain: ArrayLike) -> Matrix:
+    array = np.asarray(gain, dtype=float)
+    return np.diag(array) if array.ndim == 1 else np.atleast_2d(array)
+
+
+def _inverse(matrix: Matrix, what: str) -> Matrix:
+    if matrix.size and np.linalg.cond(_equilibrated(matrix)) > 1e12:
+        raise IllPosedError(f"{what} is singular (condition number {np.linalg.cond(matrix):.1e})")
+    return np.linalg.inv(matrix)
+
+
+def _equilibrated(matrix: Matrix) -> Matrix:
+    """Rows then columns divided by their largest entry, so that mixed units do not look like singularity."""
+    scaled = matrix
+    for axis in (1, 0):
+        largest = np.abs(scaled).max(axis=axis, keepdims=True)
+        scaled = scaled / np.where(largest > 0, largest, 1.0)
+    return scaled
+
+
+def _same(what: str, numbers: Sequence[int]) -> None:
+    if len(set(numbers)) != 1:
+        raise ValueError(f"{what}: numbers differ, {list(numbers)}")
