@@ -152,7 +152,7 @@ def _metrics_table(summary: dict[str, Any], other: dict[str, Any] | None, scenar
             row.append(_cell(run["metrics"][key], digits))
             if paper:
                 said = (paper.passive if run["passive"] else paper.active).get(key)
-                row.append("–" if said is None else f"{said:+g}" if said else "0")
+                row.append(_cell(said, "+g" if said else "g"))
         rows.append(row)
     remark = "" if paper is None else f"<p class=note>{paper.experiment}: {html.escape(paper.remark)}</p>"
     caption = (

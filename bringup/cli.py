@@ -1,0 +1,389 @@
+"""`acftc`: the command line. What it says on failure is one line on stderr; its exit code is 0 only on success.
+
+Exit codes: 2 bad input, 1 a run that failed or a comparison that differs, 130 interrupted. Heavy modules are imported
+by the command that needs them, so that help comes at once.
+"""
+
+import difflib
+import json
+import os
+import signal
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from bringup.errors import BringupError, one_line
+
+if TYPE_CHECKING:
+    from bringup.recording import Recording
+    from bringup.scenario import Scenario
+
+INTERRUPTED = 130
+FAILED = 1
+BAD_INPUT = 2
+
+#: Errors of these packages carry a message meant for the user.
+OWN_PACKAGES = ("ac_plant_node", "bringup", "fault_injector_node", "fdi_node", "gimc", "gimc_controller_node")
+
+
+class _Group(click.Group):
+    """A group that lists its commands in the order of use and suggests the nearest to a misspelt one."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        return list(self.commands)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name = args[0]
+        if name not in self.commands and not name.startswith("-"):
+            near = difflib.get_close_matches(name, self.commands, n=1)
+            hint = f", did you mean {near[0]!r}?" if near else ";"
+            msg = f"unknown command {name!r}{hint} allowed: {', '.join(self.commands)}"
+            raise click.UsageError(msg, ctx)
+        return super().resolve_command(ctx, args)
+
+
+@click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.version_option(package_name="acftc", prog_name="acftc")
+def cli() -> None:
+    r"""Fault-tolerant control of a vapour-compression air conditioner on ROS 2.
+
+    \b
+    First steps:
+      acftc scenarios                                   what can be run
+      acftc run actuator_fault --out results/e5         all nodes, a bag, a summary and a report
+      acftc simulate sensor_fault --out results/e6      the same loop in one process, without ROS
+    """
+
+
+# ------------------------------------------------------------------------------------------- shared options
+
+_scenario_argument = click.argument("scenario", metavar="SCENARIO")
+_passive_option = click.option("--passive", is_flag=True, help="K0 alone: the compensator stays silent.")
+_set_option = click.option(
+    "--set",
+    "overrides",
+    metavar="KEY=VALUE",
+    multiple=True,
+    help="Change one value of the scenario, for instance faults.0.size_rpm=60. May be given again.",
+)
+_out_option = click.option(
+    "--out",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    help="Folder for the results; made when missing. Default: results/SCENARIO.",
+)
+_force_option = click.option("--force", is_flag=True, help="Overwrite the recording of an earlier run in DIR.")
+_json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
+
+
+@cli.command(short_help="Run a scenario with all nodes: bag, summary, report.")
+@_scenario_argument
+@_out_option
+@click.option(
+    "--mode",
+    type=click.Choice(["lockstep", "realtime"]),
+    default="lockstep",
+    show_default=True,
+    help="As fast as the machine allows and repeatable to the last bit, or on the wall clock.",
+)
+@_passive_option
+@_set_option
+@_force_option
+@_json_option
+def run(
+    scenario: str,
+    out: Path | None,
+    mode: str,
+    passive: bool,
+    overrides: tuple[str, ...],
+    force: bool,
+    as_json: bool,
+) -> None:
+    r"""Run SCENARIO with every node as a process of its own, record it, and write summary and report.
+
+    SCENARIO is a built-in name (acftc scenarios) or the path of a YAML file. DIR gets bag/ (a ROS 2 bag),
+    summary.json and report.html.
+
+    \b
+    Examples:
+      acftc run actuator_fault --out results/e5
+      acftc run sensor_fault --passive --set faults.0.size_kpa=3 --out results/weak
+      acftc run my_scenario.yaml --mode realtime
+    """
+    chosen = _load(scenario, overrides, passive)
+    folder = _prepare(out or Path("results") / chosen.name, force)
+
+    from bringup.bag import read_bag
+    from bringup.graph import run_graph
+
+    bag = folder / "bag"
+    with _progress(f"{chosen.name} ({mode})") as progress:
+        run_graph(chosen, bag, mode=mode, progress=progress)
+    _finish(read_bag(bag), folder, as_json)
+
+
+@cli.command(short_help="Run a scenario in one process, without ROS.")
+@_scenario_argument
+@_out_option
+@_passive_option
+@_set_option
+@_force_option
+@_json_option
+def simulate(
+    scenario: str, out: Path | None, passive: bool, overrides: tuple[str, ...], force: bool, as_json: bool
+) -> None:
+    r"""Run SCENARIO in one process without ROS: the same step functions, the same summary and report.
+
+    \b
+    Examples:
+      acftc simulate sensor_fault --out results/e6
+      acftc simulate actuator_fault --set operating_point=high --json
+    """
+    from bringup.loop import simulate as simulate_loop
+
+    chosen = _load(scenario, overrides, passive)
+    folder = _prepare(out or Path("results") / f"{chosen.name}_simulated", force)
+    with _progress(f"{chosen.name} (simulation)") as progress:
+        recording = simulate_loop(chosen, progress=progress)
+    _finish(recording, folder, as_json)
+
+
+@cli.command()
+@_json_option
+def scenarios(as_json: bool) -> None:
+    r"""List the built-in scenarios.
+
+    \b
+    Example:
+      acftc scenarios
+    """
+    from bringup.scenario import built_in_scenarios, load
+
+    known = {name: load(name) for name in built_in_scenarios()}
+    if as_json:
+        _print_json({name: item.model_dump(mode="json") for name, item in known.items()})
+        return
+    rows = [[name, f"{item.duration_s:g} s", item.description] for name, item in known.items()]
+    _table(["scenario", "duration", "what happens"], rows)
+
+
+@cli.command(short_help="Write the report of a recorded run.")
+@click.argument("bag", type=click.Path(path_type=Path))
+@click.option("--out", metavar="FILE", type=click.Path(path_type=Path), help="Default: report.html beside the bag.")
+@click.option(
+    "--beside",
+    metavar="BAG",
+    type=click.Path(path_type=Path),
+    help="A passive (or active) run to draw beside this one. Default: a simulation of the same scenario.",
+)
+def report(bag: Path, out: Path | None, beside: Path | None) -> None:
+    r"""Write the report of a recorded run, also of one that was cut short.
+
+    \b
+    Example:
+      acftc report results/e5/bag --out e5.html
+    """
+    from bringup.bag import read_bag
+    from bringup.report import write_report
+
+    recording = read_bag(bag)
+    other, note = (read_bag(beside), f"Beside it: {beside}.") if beside else _companion(recording)
+    target = out or bag.resolve().parent / "report.html"
+    _make_folder(target.resolve().parent)
+    write_report(target, recording, other, note)
+    _say(f"wrote {target}")
+
+
+# ---------------------------------------------------------------------------------------------- what they share
+
+
+def _load(scenario: str, overrides: tuple[str, ...], passive: bool) -> "Scenario":
+    from bringup.scenario import load
+
+    return load(scenario, (*overrides, "passive=true") if passive else overrides)
+
+
+def _prepare(folder: Path, force: bool) -> Path:
+    """Make the folder of the results; refuse to lose a recording that is there."""
+    _make_folder(folder)
+    bag = folder / "bag"
+    if not bag.exists():
+        return folder
+    if not force:
+        msg = f"{bag}: holds the recording of an earlier run; choose another --out, or --force to overwrite it"
+        raise BringupError(msg)
+    strange = [item.name for item in bag.iterdir() if item.suffix not in (".mcap", ".yaml")]
+    if strange:
+        msg = f"{bag}: holds {strange[0]!r}, which is not part of a recording; move it away first"
+        raise BringupError(msg)
+    for item in bag.iterdir():
+        item.unlink()
+    bag.rmdir()
+    return folder
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as problem:
+        msg = f"{folder}: cannot be written to: {one_line(problem.strerror)}"
+        raise BringupError(msg) from None
+
+
+def _finish(recording: "Recording", folder: Path, as_json: bool) -> None:
+    """Write summary and report of a run, and say where they are."""
+    from bringup.report import write_report
+    from bringup.summary import summarise, write_summary
+
+    summary = summarise(recording)
+    write_summary(summary, folder / "summary.json")
+    other, note = _companion(recording)
+    write_report(folder / "report.html", recording, other, note)
+    if as_json:
+        _print_json(summary)
+    else:
+        _print_summary(summary)
+        _say(f"wrote {folder / 'summary.json'} and {folder / 'report.html'}")
+
+
+def _companion(recording: "Recording") -> "tuple[Recording | None, str]":
+    """Give the passive run to show beside an active one with faults, and the sentence that says where it is from."""
+    from bringup.loop import RunError
+    from bringup.loop import simulate as simulate_loop
+    from bringup.scenario import check
+
+    if recording.metadata["passive"] or not recording.metadata["scenario"].get("faults"):
+        return None, ""
+    try:
+        passive = simulate_loop(check(recording.metadata["scenario"], "scenario of the recording"), passive=True)
+    except (BringupError, RunError) as problem:
+        return None, f"The passive run beside it could not be simulated: {problem}."
+    return passive, "The passive run beside it was simulated in one process from the same scenario."
+
+
+def _print_summary(summary: dict[str, Any]) -> None:
+    rows = [
+        ["ticks", f"{summary['ticks']} at {summary['sample_time_s']:g} s, {summary['missed_ticks']} missed"],
+        ["speed", _speed(summary)],
+    ]
+    for fault in summary["faults"]:
+        named = "not isolated"
+        if fault["isolated_as"] is not None:
+            after = fault["isolated_s"] - fault["onset_s"]
+            named = f"isolated as {fault['isolated_as']} after {after:.1f} s"
+        rows.append([f"{fault['size']:g} {fault['unit']} at {fault['onset_s']:g} s", named])
+    rows.append(["false alarms", str(summary["false_alarms"])])
+    units = {"rpm": "rpm", "kpa": "kPa", "k": "K"}
+    for key, value in summary["metrics"].items():
+        name, _, unit = key.rpartition("_")
+        rows.append([name.replace("_", " "), "–" if value is None else f"{value:.3f} {units[unit]}"])
+    kind = "passive" if summary["passive"] else "active"
+    _table([summary["scenario"], f"{summary['mode']}, {kind}"], rows)
+
+
+def _speed(summary: dict[str, Any]) -> str:
+    factor = summary["real_time_factor"]
+    return "–" if factor is None else f"{factor:.1f} times real time ({summary['wall_seconds']:.2f} s)"
+
+
+def _table(heads: list[str], rows: list[list[str]]) -> None:
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    for head in heads:
+        table.add_column(head, overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    # In a pipe there is no width to keep to, and a wrapped line is no use to a script.
+    Console(width=None if sys.stdout.isatty() else 200, highlight=False).print(table)
+
+
+def _print_json(content: Any) -> None:
+    click.echo(json.dumps(content, indent=2, allow_nan=False))
+
+
+def _say(line: str) -> None:
+    """Tell the user where things are, on stderr so that stdout stays what a script reads."""
+    click.echo(line, err=True)
+
+
+@contextmanager
+def _progress(what: str) -> Iterator[Callable[[int, int], None] | None]:
+    """Give a progress function that draws a bar on stderr, or None when stderr is no terminal."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"))
+    with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+# -------------------------------------------------------------------------------------------------------- main
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line and exit with its code; every failure is one line on stderr."""
+    # A polite kill ends a run as Ctrl-C does: the nodes are stopped, and the bag is closed.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        code = cli.main(args=arguments, prog_name="acftc", standalone_mode=False)
+    except click.exceptions.Exit as end:
+        code = end.exit_code
+    except (KeyboardInterrupt, click.exceptions.Abort):
+        code = _fail("interrupted", INTERRUPTED)
+    except click.ClickException as problem:
+        code = _fail(_usage(problem), BAD_INPUT)
+    except BrokenPipeError:
+        # The reader of stdout went away (head); nothing is left to say, and the interpreter must not try again.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = FAILED
+    except Exception as problem:
+        code = _explain(problem)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _usage(problem: click.ClickException) -> str:
+    text = problem.format_message()
+    context = getattr(problem, "ctx", None)
+    return f"{text} (see {context.command_path} --help)" if context is not None else text
+
+
+def _explain(problem: Exception) -> int:
+    """One line for any exception: its message when it is meant for the user, else where the traceback is."""
+    own = type(problem).__module__.partition(".")[0] in OWN_PACKAGES
+    if own:
+        return _fail(str(problem), BAD_INPUT if isinstance(problem, ValueError) else FAILED)
+    if isinstance(problem, OSError) and problem.strerror:
+        where = f"{problem.filename}: " if problem.filename else ""
+        return _fail(f"{where}{problem.strerror}", FAILED)
+    handle, name = tempfile.mkstemp(prefix="acftc-", suffix=".log")
+    with os.fdopen(handle, "w", encoding="utf-8") as log:
+        log.write(f"acftc {' '.join(sys.argv[1:])}\n")
+        traceback.print_exception(problem, file=log)
+    what = f"{type(problem).__name__}: {problem}"
+    return _fail(f"unexpected error, please report it with {name} ({one_line(what)[:200]})", FAILED)
+
+
+def _fail(line: str, code: int) -> int:
+    click.echo(f"acftc: {one_line(line)}", err=True)
+    return code
+
+
+if __name__ == "__main__":
+    main()

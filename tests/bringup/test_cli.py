@@ -1,0 +1,106 @@
+"""The command line as a user meets it: real processes, one line on stderr, exit codes."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+
+def acftc(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "bringup.cli", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, check=False, timeout=120)
+
+
+def assert_one_line(result: subprocess.CompletedProcess[str], code: int, *words: str) -> None:
+    assert result.returncode == code, result.stderr
+    assert result.stderr.count("\n") == 1, result.stderr
+    assert "Traceback" not in result.stderr
+    assert "\x1b" not in result.stderr + result.stdout  # no colours into a pipe
+    for word in words:
+        assert word in result.stderr
+
+
+def test_help_comes_without_the_heavy_modules():
+    probe = """
+import sys
+from bringup.cli import main
+try:
+    main(["--help"])
+except SystemExit as end:
+    assert end.code == 0
+heavy = {"numba", "rclpy", "control", "CoolProp", "plotly", "scipy"} & set(sys.modules)
+assert not heavy, heavy
+"""
+    result = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    assert "acftc run actuator_fault" in result.stdout
+
+
+def test_every_command_has_help_with_an_example():
+    from bringup.cli import cli
+
+    for name, command in cli.commands.items():
+        assert command.help, name
+        assert f"acftc {name}" in command.help, f"{name} --help shows no example"
+
+
+def test_scenarios_lists_the_built_in_ones():
+    result = acftc("scenarios", "--json")
+    assert result.returncode == 0
+    assert {"nominal", "actuator_fault", "sensor_fault"} <= set(json.loads(result.stdout))
+    assert "actuator_fault" in acftc("scenarios").stdout
+
+
+@pytest.mark.parametrize("command", ["run", "simulate"])
+def test_bad_input_is_one_line_and_leaves_no_results(command: str, tmp_path: Path):
+    out = tmp_path / "out"
+    broken = tmp_path / "broken.yaml"
+    broken.write_text("name: broken\nduration_s: soon\n")
+    file = tmp_path / "file"
+    file.write_text("")
+    cases = [
+        (["actuator_fualt"], ["did you mean 'actuator_fault'"]),
+        (["missing.yaml"], ["missing.yaml", "no such scenario file"]),
+        ([str(broken)], [str(broken), "duration_s", "'soon'"]),
+        (["nominal", "--set", "duraton_s=5"], ["did you mean 'duration_s'"]),
+    ]
+    for arguments, words in cases:
+        assert_one_line(acftc(command, *arguments, "--out", str(out)), 2, *words)
+    assert not out.exists()
+    for folder in ("/proc/acftc", str(file), str(file / "below")):
+        assert_one_line(acftc(command, "nominal", "--out", folder), 2, folder, "cannot be written to")
+
+
+def test_usage_errors_are_one_line():
+    assert_one_line(acftc("simualte"), 2, "did you mean 'simulate'")
+    assert_one_line(acftc("simulate"), 2, "SCENARIO", "acftc simulate --help")
+    assert_one_line(acftc("simulate", "nominal", "--sett", "a=1"), 2, "--sett")
+    assert_one_line(acftc("run", "nominal", "--mode", "fast"), 2, "fast", "lockstep", "realtime")
+
+
+def test_an_earlier_recording_is_not_overwritten(tmp_path: Path):
+    bag = tmp_path / "bag"
+    bag.mkdir()
+    (bag / "bag_0.mcap").write_bytes(b"precious")
+    assert_one_line(acftc("run", "nominal", "--out", str(tmp_path)), 2, str(bag), "--force")
+    assert (bag / "bag_0.mcap").read_bytes() == b"precious"
+
+
+def test_an_unexpected_error_is_one_line_and_the_traceback_is_kept(tmp_path: Path):
+    probe = """
+import bringup.cli
+
+@bringup.cli.cli.command()
+def boom():
+    raise KeyError("deep\\ninside")
+
+bringup.cli.main(["boom"])
+"""
+    result = subprocess.run(
+        [sys.executable, "-c", probe], capture_output=True, text=True, check=False, env={"TMPDIR": str(tmp_path)}
+    )
+    assert_one_line(result, 1, "unexpected error", "KeyError", str(tmp_path))
+    (log,) = tmp_path.glob("acftc-*.log")
+    assert "Traceback" in log.read_text()
