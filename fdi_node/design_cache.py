@@ -1,0 +1,49 @@
+"""Where the designs of all blocks are looked up and kept: computed once for each content that they depend on."""
+
+import importlib
+import math
+from dataclasses import asdict
+from typing import Any
+
+from ac_plant_node import parameters_fingerprint
+from gimc.cache import Arrays, cached, source_fingerprint
+
+PACKAGES = ("gimc", "ac_plant_node", "fdi_node", "gimc_controller_node")
+
+
+def cached_design(block: str, synthesis: str, point: str, sample_time_s: float, *weights: Any) -> Arrays:
+    """Sampled design of one block at one operating point.
+
+    Parameters
+    ----------
+    block : str
+        Name for the file.
+    synthesis : str
+        Module with `synthesise(point, sample_time_s, *weights) -> Arrays`; imported only when there is nothing in the
+        cache, since synthesis needs far more memory and start-up time than a running node should take.
+    point : str
+        "low", "med" or "high".
+    sample_time_s : float
+        0.01 to 0.1 s.
+    *weights : dataclass
+
+    Raises
+    ------
+    ValueError
+        For a sample time out of range or an unknown point.
+    """
+    if not (math.isfinite(sample_time_s) and 0.01 <= sample_time_s <= 0.1):
+        raise ValueError(f"sample time {sample_time_s:g} s: designs exist for 0.01 to 0.1 s")
+    key = {
+        "point": point,
+        "sample_time_s": sample_time_s,
+        "weights": [asdict(w) for w in weights],
+        "plant": parameters_fingerprint(),
+        "code": source_fingerprint(*PACKAGES),
+    }
+
+    def compute() -> Arrays:
+        arrays: Arrays = importlib.import_module(synthesis).synthesise(point, sample_time_s, *weights)
+        return arrays
+
+    return cached(f"{block}-{point}", key, compute)

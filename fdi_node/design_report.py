@@ -1,0 +1,54 @@
+"""What `acftc design` says about one block: what the synthesis claims, and what was found when it was checked."""
+
+import json
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class BlockReport:
+    """Report of one synthesis.
+
+    Attributes
+    ----------
+    block : str
+        "K0", "H", "Q_act" or "Q_sen".
+    claimed : float
+        Norm that the Riccati solutions promise.
+    achieved : float
+        Norm of the closed loop with the full-order result, from a sweep over frequency.
+    achieved_reduced : float
+        The same with the result after order reduction.
+    lower_bound : float
+        No result can do better (nan: none known).
+    order, order_reduced : int
+    regularisation : str
+        What was added to make the problem regular, in design units.
+    slowest_pole_rad_s : float
+        Largest real part of the poles of the reduced block; negative: stable.
+    seconds : float
+        Time that the synthesis took when it was computed.
+    """
+
+    block: str
+    claimed: float
+    achieved: float
+    achieved_reduced: float
+    lower_bound: float
+    order: int
+    order_reduced: int
+    regularisation: str
+    slowest_pole_rad_s: float
+    seconds: float
+
+    def to_array(self) -> NDArray[Any]:
+        """As a 0-d array of text, which the cache stores beside the matrices."""
+        return np.array(json.dumps(asdict(self)))
+
+    @classmethod
+    def from_array(cls, text: NDArray[Any]) -> "BlockReport":
+        """Read back what `to_array` wrote."""
+        return cls(**json.loads(str(text)))

@@ -1,0 +1,141 @@
+"""Design of the observer (M~, N~) and of the isolation filter H at one operating point.
+
+H minimises `|| [0 T] - H [N~d N~f] ||` (the paper's isolation problem) with `T = I / (10 s + 1)`: the residual is
+then a low-passed estimate of each fault in its own unit, and the air flow, which nobody measures, leaves no trace.
+"""
+
+import time
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+
+from ac_plant_node import operating_point
+from fdi_node.design_model import (
+    AIR_TEMPERATURE_UNIT,
+    COMMAND_UNIT,
+    FAULT_UNIT,
+    OUTPUT_UNIT,
+    DesignModel,
+    design_model,
+    to_si,
+)
+from fdi_node.design_report import BlockReport
+from fdi_node.thresholds import noise_thresholds, residual_covariances
+from fdi_node.weights import FdiWeights
+from gimc.cache import Arrays
+from gimc.coprime import filter_gain
+from gimc.interconnect import add, block_diagonal, scale, series, stack_inputs, state_space
+from gimc.model_matching import isolation_synthesis
+from gimc.norms import hinf_norm, poles
+from gimc.reduction import reduce_order
+from gimc.sampled import discretise, sampled_observer
+from gimc.structure import FaultySystem, disturbance_factor, fault_factor
+
+Matrix = NDArray[np.float64]
+
+RANK_NOISE = 1e-5
+"""White noise on every measurement, in design units, so small that it only keeps the problem regular."""
+
+
+def observer_gain(system: FaultySystem, weights: FdiWeights) -> Matrix:
+    """Gain L of M~ and N~: the stationary Kalman filter for noise on commands and air flow, `A + L C` stable."""
+    inputs = weights.process_noise * np.hstack([system.B, system.E1])
+    plant = control.ss(system.A, system.B, system.C, system.D)
+    return filter_gain(plant, process=inputs @ inputs.T, measurement=np.ones(len(system.C)))
+
+
+def isolation_problem(
+    system: FaultySystem, L: Matrix, weights: FdiWeights
+) -> tuple[control.StateSpace, control.StateSpace, control.StateSpace]:
+    """Factors `[N~d, noise]`, `N~f` and the target T of the isolation problem, on one common state.
+
+    The noise on measurement i is `noise_i (s + noise_at_rest * corner) / (s + corner)`.
+    """
+    p, nf = len(system.C), system.F1.shape[1]
+    Nd, Nf = disturbance_factor(system, L), fault_factor(system, L)
+    corner, noise = weights.noise_corner_rad_s, np.diag(weights.noise)
+    A = block_diagonal(Nd.A, -corner * np.eye(p))
+    C = np.hstack([Nd.C, noise])
+    B_noise = (weights.noise_at_rest - 1.0) * corner * np.eye(p)
+    B_f = np.vstack([Nf.B, np.zeros((p, nf))])
+    speed = np.eye(nf) / weights.target_time_s
+    T = state_space((-speed, speed, np.eye(nf), np.zeros((nf, nf))))
+    disturbances = state_space((A, block_diagonal(Nd.B, B_noise), C, np.hstack([Nd.D, noise])))
+    return disturbances, state_space((A, B_f, C, Nf.D)), T
+
+
+def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
+    """Everything the detector needs at one operating point, and the report of the design.
+
+    Returns
+    -------
+    dict of str to ndarray
+        The fields of `fdi_node.detector.FdiDesign`; `L`, the continuous observer gain in design units; `report`.
+    """
+    started = time.perf_counter()
+    model = design_model(point)
+    system = model.system
+    L = observer_gain(system, weights)
+    matching = isolation_synthesis(*isolation_problem(system, L, weights), RANK_NOISE)
+    reduced = reduce_order(matching.filter, rtol=weights.reduction, keep_dc_gain=True)
+    # f_e = -(N~d d + N~f f): the residual r = H f_e takes the minimiser with its sign changed.
+    H = discretise(to_si(-reduced.system, OUTPUT_UNIT, FAULT_UNIT), sample_time_s)
+    a, b, c = sampled_innovation(model, weights, sample_time_s)
+    covariance, shifted = residual_covariances((a, b[:, 3:], c), (H.A, H.B, H.C, H.D), np.array(weights.sensor_noise))
+    rest = operating_point(point)
+    problem = isolation_problem(system, L, weights)
+    report = BlockReport(
+        block="H",
+        claimed=matching.synthesis.claimed_gamma,
+        achieved=matching.synthesis.swept_gamma,
+        achieved_reduced=isolation_norm(*problem, reduced.system),
+        lower_bound=matching.lower_bound,
+        order=matching.filter.nstates,
+        order_reduced=reduced.order,
+        regularisation=f"noise {weights.noise}, at rest {weights.noise_at_rest:g} of it",
+        slowest_pole_rad_s=float(poles(reduced.system).real.max()),
+        seconds=time.perf_counter() - started,
+    )
+    return {
+        "a": a,
+        "b": b,
+        "c": c,
+        "h_a": H.A,
+        "h_b": H.B,
+        "h_c": H.C,
+        "h_d": H.D,
+        "input_rest": np.array([*rest.inputs[:2], rest.inputs[3]]),
+        "output_rest": np.array(rest.outputs[:3]),
+        "thresholds": noise_thresholds(covariance, shifted, sample_time_s, weights.false_alarms_per_hour),
+        "sample_time_s": np.array(sample_time_s),
+        "L": L,
+        "report": report.to_array(),
+    }
+
+
+def isolation_norm(
+    disturbances: control.StateSpace, faults: control.StateSpace, T: control.StateSpace, H: control.StateSpace
+) -> float:
+    """Norm of `[0 T] - H [N~d N~f]` for a given H."""
+    N = stack_inputs(disturbances, faults)
+    target = stack_inputs(np.zeros((T.noutputs, disturbances.ninputs)), T)
+    return hinf_norm(add(target, scale(series(H, N), left=-np.eye(T.noutputs))))[0]
+
+
+def sampled_innovation(model: DesignModel, weights: FdiWeights, sample_time_s: float) -> tuple[Matrix, Matrix, Matrix]:
+    """Sampled N~ and M~ in SI units: `xi+ = a xi + b [u, T_ea, y]`, `f_e = c xi - y`.
+
+    The factors of the plant sampled with its inputs held: without faults and disturbances, f_e of the linear plant is
+    zero at every tick, however the commands move.
+    """
+    system = model.system
+    inputs = weights.process_noise * np.hstack([system.B, system.E1])
+    known = np.hstack([system.B, model.B_air])
+    p = len(system.C)
+    plant = control.ss(system.A, known, system.C, np.zeros((p, known.shape[1])))
+    observer = sampled_observer(plant, sample_time_s, process=inputs @ inputs.T, measurement=np.ones(p))
+    A, C = observer.plant.A, observer.plant.C
+    unit_in = np.concatenate([COMMAND_UNIT, [AIR_TEMPERATURE_UNIT]])
+    b = np.hstack([observer.plant.B / unit_in, -observer.L / OUTPUT_UNIT])
+    return A + observer.L @ C, b, C * OUTPUT_UNIT[:, None]

@@ -1,0 +1,105 @@
+"""What the designs of K0, Q_act and Q_sen are free to choose, in design units (see `fdi_node.design_model`)."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class ControllerWeights:
+    """Weights of the synthesis, in design units (see `fdi_node.design_model`).
+
+    Attributes
+    ----------
+    bandwidth_rad_s : tuple of float
+        Where the weights of e_pe and e_SH cross one.
+    peak : tuple of float
+        What the sensitivities may reach at high frequency.
+    integrator_rad_s : float
+        Pole of the errors' weights: the "near-integrator".
+    command : tuple of float
+        Weights of N and alpha.
+    output : tuple of float
+        Weights of p_e and SH.
+    noise : float
+        Size of the sensor noises n_1, n_2.
+    disturbance : float
+        Size of the air flow's changes.
+    factor_speed : float
+        Speed of V~'s and U~'s poles (see `gimc_controller_node.controller_design.coprime_gain`).
+    reduction : float
+        What the order reduction may change K0 by, in design units.
+    """
+
+    bandwidth_rad_s: tuple[float, float] = (0.03, 0.03)
+    peak: tuple[float, float] = (2.0, 2.0)
+    integrator_rad_s: float = 1e-5
+    command: tuple[float, float] = (0.2, 0.2)
+    output: tuple[float, float] = (0.1, 0.1)
+    noise: float = 0.02
+    disturbance: float = 0.5
+    factor_speed: float = 10.0
+    reduction: float = 1e-3
+
+
+@dataclass(frozen=True)
+class MatchingWeights:
+    """Weights of one compensator's model-matching problem.
+
+    Attributes
+    ----------
+    disturbance, fault : float
+        alpha_d and alpha_f of the paper.
+    corner_rad_s, integrator_rad_s : float
+        The weight `W = (s + corner) / (s + integrator)` on what must be exact at rest.
+    penalty : float
+        Regularisation rho on q.
+    noise : float
+        Regularisation eps on the measurements.
+    washout_rad_s : float
+        Q ends in `s / (s + washout)`: nothing of q is left at rest, and K0's integral action stays whole;
+        0 for no washout.
+    reduction : float
+        Hankel singular values below this part of the largest are left out of Q.
+    """
+
+    disturbance: float
+    fault: float
+    corner_rad_s: float
+    integrator_rad_s: float
+    penalty: float
+    noise: float
+    washout_rad_s: float
+    reduction: float
+
+
+@dataclass(frozen=True)
+class CompensatorWeights:
+    """Weights of Q_act and Q_sen.
+
+    Attributes
+    ----------
+    actuator, sensor : MatchingWeights
+    fade_time_s : float
+        Time over which a compensator is let in or out after isolation.
+    """
+
+    actuator: MatchingWeights = MatchingWeights(
+        disturbance=0.1,
+        fault=1.0,
+        corner_rad_s=0.02,
+        integrator_rad_s=1e-3,
+        penalty=0.02,
+        noise=0.01,
+        washout_rad_s=0.003,
+        reduction=1e-4,
+    )
+    sensor: MatchingWeights = MatchingWeights(
+        disturbance=0.1,
+        fault=1.0,
+        corner_rad_s=0.02,
+        integrator_rad_s=1e-4,
+        penalty=0.02,
+        noise=0.01,
+        washout_rad_s=0.0,
+        reduction=1e-4,
+    )
+    fade_time_s: float = 2.0
