@@ -14,11 +14,11 @@ import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from bringup.errors import BringupError, one_line
+from bringup.errors import BringupError, InterruptedRunError, RunError, one_line
 
 if TYPE_CHECKING:
     from bringup.recording import Recording
@@ -101,7 +101,7 @@ _json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON 
 def run(
     scenario: str,
     out: Path | None,
-    mode: str,
+    mode: Literal["lockstep", "realtime"],
     passive: bool,
     overrides: tuple[str, ...],
     force: bool,
@@ -124,10 +124,14 @@ def run(
     from bringup.bag import read_bag
     from bringup.graph import run_graph
 
-    bag = folder / "bag"
     with _progress(f"{chosen.name} ({mode})") as progress:
-        run_graph(chosen, bag, mode=mode, progress=progress)
-    _finish(read_bag(bag), folder, as_json)
+        try:
+            run_graph(chosen, folder, mode=mode, progress=progress)
+        except BringupError as problem:
+            # The input has been checked by now: what fails here is the run.
+            kind = InterruptedRunError if isinstance(problem.__context__, KeyboardInterrupt) else RunError
+            raise kind(str(problem)) from problem
+    _finish(read_bag(folder / "bag"), folder, as_json)
 
 
 @cli.command(short_help="Run a scenario in one process, without ROS.")
@@ -258,7 +262,6 @@ def _finish(recording: "Recording", folder: Path, as_json: bool) -> None:
 
 def _companion(recording: "Recording") -> "tuple[Recording | None, str]":
     """Give the passive run to show beside an active one with faults, and the sentence that says where it is from."""
-    from bringup.loop import RunError
     from bringup.loop import simulate as simulate_loop
     from bringup.scenario import check
 
@@ -266,7 +269,7 @@ def _companion(recording: "Recording") -> "tuple[Recording | None, str]":
         return None, ""
     try:
         passive = simulate_loop(check(recording.metadata["scenario"], "scenario of the recording"), passive=True)
-    except (BringupError, RunError) as problem:
+    except BringupError as problem:
         return None, f"The passive run beside it could not be simulated: {problem}."
     return passive, "The passive run beside it was simulated in one process from the same scenario."
 
@@ -368,7 +371,9 @@ def _explain(problem: Exception) -> int:
     """One line for any exception: its message when it is meant for the user, else where the traceback is."""
     own = type(problem).__module__.partition(".")[0] in OWN_PACKAGES
     if own:
-        return _fail(str(problem), BAD_INPUT if isinstance(problem, ValueError) else FAILED)
+        return _fail(
+            str(problem), getattr(problem, "exit_code", BAD_INPUT if isinstance(problem, ValueError) else FAILED)
+        )
     if isinstance(problem, OSError) and problem.strerror:
         where = f"{problem.filename}: " if problem.filename else ""
         return _fail(f"{where}{problem.strerror}", FAILED)

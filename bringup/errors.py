@@ -1,8 +1,22 @@
-"""The one kind of error that a user of acftc is meant to see: one line, no traceback."""
+"""Errors that a user of acftc is meant to see: one line, no traceback, and the exit code that goes with it."""
 
 
 class BringupError(ValueError):
-    """Bad input or a run that cannot go on; the message is one line that says what, where, and what is allowed."""
+    """Bad input; the message is one line that says what, where, and what is allowed."""
+
+    exit_code = 2
+
+
+class RunError(BringupError):
+    """A run that began and could not go on; one line that says where it stopped and why."""
+
+    exit_code = 1
+
+
+class InterruptedRunError(BringupError):
+    """A run that the user stopped; one line that says what is left of it."""
+
+    exit_code = 130
 
 
 def one_line(text: object) -> str:

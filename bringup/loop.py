@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from bringup.errors import RunError
 from bringup.recording import Recording, StatusRow
 from bringup.scenario import Scenario, program
 from bringup.topics import SERIES
@@ -18,10 +19,6 @@ Progress = Callable[[int, int], None]
 
 #: Ticks between two calls of the progress function.
 PROGRESS_EVERY = 200
-
-
-class RunError(RuntimeError):
-    """A run that began and could not go on; one line that says where it stopped and why."""
 
 
 def simulate(scenario: Scenario, passive: bool | None = None, progress: Progress | None = None) -> Recording:
