@@ -1,0 +1,195 @@
+"""Starts the nodes, brings them to life in order, watches them and stops them, whatever happens."""
+
+import json
+import signal
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Literal
+
+import yaml
+
+from bringup.errors import BringupError
+from bringup.processes import Child, Domain, ros_environment, start, stop
+from bringup.scenario import Scenario
+from bringup.topics import (
+    COMPENSATOR,
+    CONTROLLER,
+    FDI,
+    INJECTOR,
+    NAMESPACE,
+    PLANT,
+    RECORDER,
+    SCENARIO,
+)
+
+Mode = Literal["lockstep", "realtime"]
+Progress = Callable[[int, int], None]
+
+#: Module of each node, in the order in which they are started: the ones that take longest first.
+MODULES = {
+    PLANT: "ac_plant_node",
+    SCENARIO: "bringup.scenario_node",
+    FDI: "fdi_node",
+    COMPENSATOR: "gimc_controller_node.compensator_node",
+    CONTROLLER: "gimc_controller_node",
+    INJECTOR: "fault_injector_node",
+    RECORDER: "bringup.recorder_node",
+}
+#: The plant beats time, so it goes last: everyone else must be listening by then.
+ACTIVATION_ORDER = (RECORDER, CONTROLLER, COMPENSATOR, FDI, INJECTOR, SCENARIO, PLANT)
+
+
+@dataclass(frozen=True)
+class GraphRun:
+    """What `run_graph` has done."""
+
+    bag: Path
+    ticks: int
+    wall_seconds: float  # from the first tick to the last
+    start_seconds: float  # from the call to the first tick
+    missed_ticks: int
+    domain: int
+
+
+def run_graph(
+    scenario: Scenario,
+    out_dir: Path | str,
+    mode: Mode = "lockstep",
+    passive: bool | None = None,
+    progress: Progress | None = None,
+) -> GraphRun:
+    """Run `scenario` with every node as a process of its own; the bag is ``out_dir/bag``.
+
+    Parameters
+    ----------
+    scenario
+        What to run.
+    out_dir
+        Made when it does not exist; a bag that is there already is replaced.
+    mode
+        ``lockstep`` (as fast as the machine allows, deterministic) or ``realtime`` (on the wall clock).
+    passive
+        True: K0 alone. None: as the scenario says.
+    progress
+        Called about once a second with the ticks done and the ticks in all.
+
+    Raises
+    ------
+    BringupError
+        One line: which node failed and its last words, or what else went wrong. All processes are gone by then, and
+        the bag holds what had been recorded.
+    """
+    called_s = time.monotonic()
+    out_dir = Path(out_dir)
+    passive = scenario.passive if passive is None else passive
+    _prepare(out_dir)
+    domain = Domain()
+    try:
+        environment = {**ros_environment(), "ROS_DOMAIN_ID": str(domain.number)}
+        parameters = node_parameters(scenario, out_dir, mode, passive)
+        with _interruptible(out_dir):
+            children: dict[str, Child] = {}
+            try:
+                for name, module in MODULES.items():
+                    arguments = node_arguments(module, name, parameters[name], out_dir / "log")
+                    children[name] = start(name, arguments, out_dir / "log", environment)
+                from bringup.supervisor import Supervisor  # takes its time: meanwhile the nodes are starting, too
+
+                with Supervisor(children, environment) as supervisor:
+                    supervisor.activate(ACTIVATION_ORDER)
+                    start_seconds = time.monotonic() - called_s
+                    supervisor.wait_until_done(scenario.ticks, progress)
+                    result = GraphRun(
+                        bag=out_dir / "bag",
+                        ticks=scenario.ticks,
+                        wall_seconds=float(supervisor.health[PLANT]["wall_seconds"]),
+                        start_seconds=start_seconds,
+                        missed_ticks=int(supervisor.health[PLANT]["missed_ticks"]),
+                        domain=domain.number,
+                    )
+            finally:
+                stop([child for name, child in children.items() if name != RECORDER])
+                stop([child for name, child in children.items() if name == RECORDER])
+            recorder = children[RECORDER]
+            if recorder.process.returncode != 0:
+                msg = f"node {RECORDER} failed at the end: {recorder.last_words()} (log: {recorder.log})"
+                raise BringupError(msg)
+            return result
+    finally:
+        domain.release()
+
+
+def node_parameters(scenario: Scenario, out_dir: Path, mode: Mode, passive: bool) -> dict[str, dict[str, Any]]:
+    """Parameters of every node for this run."""
+    design = {"operating_point": scenario.operating_point, "sample_time_s": scenario.sample_time_s}
+    content = scenario.model_dump(mode="json")
+    run = {
+        "scenario": content,
+        "mode": mode,
+        "passive": passive,
+        "sample_time_s": scenario.sample_time_s,
+        "operating_point": scenario.operating_point,
+        "ticks": scenario.ticks,
+        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+    return {
+        PLANT: {**design, "mode": mode, "ticks": scenario.ticks},
+        INJECTOR: {"noise_std": [float(std) for std in scenario.noise.std], "seed": scenario.noise.seed},
+        FDI: design,
+        COMPENSATOR: {**design, "accommodate": not passive},
+        CONTROLLER: design,
+        SCENARIO: {"scenario": json.dumps(content)},
+        RECORDER: {
+            "folder": str((out_dir / "bag").resolve()),
+            "run": json.dumps(run),
+            "ticks": scenario.ticks,
+            "mode": mode,
+        },
+    }
+
+
+def node_arguments(module: str, name: str, parameters: Mapping[str, Any], folder: Path) -> list[str]:
+    """Python's arguments that start a node under bringup's management, its parameters in a file in `folder`."""
+    file = folder / f"{name}.yaml"
+    content = {"/**": {"ros__parameters": {**parameters, "autostart": False}}}
+    file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    ros = ["--ros-args", "-r", f"__ns:={NAMESPACE}", "--params-file", str(file), "--disable-external-lib-logs"]
+    return ["-m", module, *ros]
+
+
+def _prepare(out_dir: Path) -> None:
+    """Make the folders; a bag and logs of an earlier run make room."""
+    try:
+        for part, patterns in (("bag", ("*.mcap", "metadata.yaml")), ("log", ("*.log", "*.yaml"))):
+            folder = out_dir / part
+            folder.mkdir(parents=True, exist_ok=True)
+            for pattern in patterns:
+                for old in folder.glob(pattern):
+                    old.unlink()
+            probe = folder / ".writable"
+            probe.touch()
+            probe.unlink()
+    except OSError as problem:
+        msg = f"{out_dir}: cannot be written: {problem.strerror}"
+        raise BringupError(msg) from None
+
+
+@contextmanager
+def _interruptible(out_dir: Path) -> Iterator[None]:
+    """Turn Ctrl-C and SIGTERM into one line, raised only after everything has been stopped."""
+
+    def interrupt(number: int, _frame: object) -> None:
+        raise KeyboardInterrupt(signal.Signals(number).name)
+
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    except KeyboardInterrupt:
+        msg = f"interrupted; {out_dir / 'bag'} holds what was recorded until then"
+        raise BringupError(msg) from None
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -1,0 +1,342 @@
+"""What all nodes of the loop share: parameters, endpoints, life cycle, health, and a clean end.
+
+A node is a thin shell around pure step functions: it names its parameters, builds its pure object in `configure` and
+says with `on_tick` which topics make up a tick's input and what to do then.
+"""
+
+import gc
+import math
+import sys
+import time
+import traceback
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.duration import Duration
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.exceptions import (
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+    ParameterException,
+)
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+
+from bringup.inputs import Gate, LoopInputs, Subscriptions, TickSet
+from bringup.messages import BadMessage, message_class, set_stamp, writer
+from bringup.processes import end_with_parent
+from bringup.topics import BY_NAME, TOPICS, Topic
+
+#: How far behind a subscriber (the recorder above all) may fall before a message is lost, in ticks.
+DEPTH = 1000
+#: A loop topic that is silent for longer misses its deadline.
+DEADLINE_S = 1.0
+#: Time between two health reports.
+HEALTH_PERIOD_S = 1.0
+
+LOOP_QOS = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=DEPTH,
+    deadline=Duration(seconds=DEADLINE_S),
+)
+#: Of /clock and /diagnostics: reliable, without a deadline.
+PLAIN_QOS = QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=DEPTH)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A declared parameter: its default tells the type; out-of-range values are refused by name."""
+
+    name: str
+    default: Any
+    description: str
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[str, ...] = ()
+    live: bool = False  # may be set while the node runs
+
+    def descriptor(self) -> ParameterDescriptor:
+        """What `ros2 param describe` shows."""
+        result = ParameterDescriptor(description=self.description, read_only=not self.live)
+        if self.choices:
+            result.additional_constraints = "one of: " + ", ".join(self.choices)
+        if self.low is not None and self.high is not None:
+            if isinstance(self.default, int):
+                result.integer_range = [IntegerRange(from_value=int(self.low), to_value=int(self.high), step=0)]
+            else:
+                result.floating_point_range = [FloatingPointRange(from_value=self.low, to_value=self.high, step=0.0)]
+        return result
+
+
+AUTOSTART = Parameter(
+    "autostart", True, "configure and activate at once; false leaves that to whoever manages the node"
+)
+OPERATING_POINT = Parameter("operating_point", "med", "operating point of the design", choices=("low", "med", "high"))
+SAMPLE_TIME = Parameter("sample_time_s", 0.1, "sample time of the loop, s", low=0.01, high=0.1)
+
+
+class Health:
+    """What a node has to say on /diagnostics about its own work since the last report."""
+
+    def __init__(self) -> None:
+        self.ticks = 0
+        self.rejected = 0
+        self.last_rejected = ""
+        self._latencies_s: list[float] = []
+        self._last_input_s = math.nan
+        self._reported = (time.monotonic(), 0)
+
+    def worked(self, started_s: float) -> None:
+        """Count one tick whose inputs were complete at `started_s` (monotonic clock)."""
+        self.ticks += 1
+        self._last_input_s = started_s
+        self._latencies_s.append(time.monotonic() - started_s)
+
+    def report(self) -> dict[str, str]:
+        """Figures since the last call."""
+        now = time.monotonic()
+        since, ticks = self._reported
+        self._reported = (now, self.ticks)
+        latencies, self._latencies_s = sorted(self._latencies_s), []
+        return {
+            "ticks": str(self.ticks),
+            "rate_hz": f"{(self.ticks - ticks) / max(now - since, 1e-9):.1f}",
+            "latency_p50_ms": f"{1e3 * latencies[len(latencies) // 2]:.3f}" if latencies else "nan",
+            "latency_max_ms": f"{1e3 * latencies[-1]:.3f}" if latencies else "nan",
+            "input_age_s": f"{now - self._last_input_s:.3f}",
+            "rejected_inputs": str(self.rejected),
+            "last_rejected": self.last_rejected,
+        }
+
+
+class NodeShell(LifecycleNode):  # type: ignore[misc]
+    """A managed node of the loop. Subclasses override `configure`, and `started` where there is something to start."""
+
+    def __init__(self, name: str, parameters: Sequence[Parameter]) -> None:
+        super().__init__(name)
+        self.problem = ""  # why the last transition failed
+        self.health = Health()
+        self.exit_code: int | None = None  # a node that sets it ends with it
+        self._parameters_ = {p.name: p for p in (AUTOSTART, *parameters)}
+        self.add_on_set_parameters_callback(self._check_choices)
+        for parameter in self._parameters_.values():
+            self.declare_parameter(parameter.name, parameter.default, parameter.descriptor())
+        self._setup = Gate(is_open=True)  # events that matter until the loop runs
+        self._running = Gate(is_open=False)
+        self.inputs = LoopInputs(self._reject)
+        self.subscriptions_ = Subscriptions(self._running, False, self.inputs.take)
+        self.add_waitable(self.subscriptions_)
+        self._senders: dict[str, tuple[Publisher, Any, Callable[[Sequence[float]], None]]] = {}
+        self._diagnostics = self._publisher(DiagnosticArray, "/diagnostics", PLAIN_QOS)
+        self._health_timer = self.create_timer(HEALTH_PERIOD_S, self.report_health)
+
+    # -- for the nodes ------------------------------------------------------------------------------------------
+
+    def configure(self) -> None:
+        """Build what the node works with; a ValueError here becomes the node's one-line complaint."""
+
+    def started(self) -> None:
+        """Begin: the node has just become active."""
+
+    def stopped(self) -> None:
+        """Stop: the node has just become inactive."""
+
+    def health_values(self) -> dict[str, str]:
+        """Further figures for /diagnostics."""
+        return {}
+
+    def value(self, name: str) -> Any:
+        """Value of a parameter."""
+        return self.get_parameter(name).value
+
+    def on_tick(self, topics: Sequence[str], act: Callable[..., None]) -> None:
+        """Call ``act(stamp_ns, values...)`` for each tick of which all of `topics` have arrived."""
+        tick_set = TickSet(tuple(BY_NAME[name] for name in topics), self._timed(act))
+        self.inputs.add(tick_set)
+        for topic in tick_set.topics:
+            self.subscriptions_.add(self.subscribe(topic.type, topic.name, LOOP_QOS))
+
+    def subscribe(self, type_name: str, name: str, qos: QoSProfile, raw: bool = False) -> Subscription:
+        """Create a subscription that the executor leaves alone, for `Subscriptions` to take from."""
+        group = Gate(is_open=False)
+        return self.create_subscription(message_class(type_name), name, _nothing, qos, callback_group=group, raw=raw)
+
+    def send(self, time_ns: int, topic: str, *values: Any) -> None:
+        """Publish the values of one topic, stamped."""
+        publisher, message, put = self._senders[topic]
+        put(values)
+        set_stamp(message, time_ns)
+        publisher.publish(message)
+
+    def add_output(self, topic: Topic, name: str | None = None) -> None:
+        """Create the publisher of a topic that is not in the table under this node's name."""
+        message, put = writer(topic)
+        qos = LOOP_QOS if name is None else PLAIN_QOS
+        self._senders[topic.name] = (self._publisher(type(message), name or topic.name, qos), message, put)
+
+    # -- life cycle ---------------------------------------------------------------------------------------------
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Create endpoints and the pure object."""
+        return self._transition(super().on_configure, state, self._create)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Act on inputs from now on."""
+        return self._transition(super().on_activate, state, self._start)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Leave inputs alone from now on."""
+        return self._transition(super().on_deactivate, state, self._stop)
+
+    def _transition(
+        self, inherited: Callable[..., Any], state: LifecycleState, work: Callable[[], None]
+    ) -> TransitionCallbackReturn:
+        try:
+            work()
+        except Exception as problem:
+            self.problem = _one_line(problem)
+            print(f"{self.get_name()}: {self.problem}", file=sys.stderr, flush=True)
+            if not isinstance(problem, ValueError):
+                traceback.print_exc()
+            return TransitionCallbackReturn.FAILURE
+        return inherited(state)
+
+    def _create(self) -> None:
+        if not self._senders:
+            for topic in TOPICS:
+                if topic.publisher == self.get_name():
+                    self.add_output(topic)
+        self.configure()
+        self.create_timer_once(self.report_health)
+
+    def _start(self) -> None:
+        self.subscriptions_.take_data()  # whatever came before is of no use now
+        self.inputs.clear()
+        self._setup.is_open = False
+        self._running.is_open = True
+        # What exists now lives as long as the node; the collector need not walk through it in a tick.
+        gc.collect()
+        gc.freeze()
+        gc.disable()
+        self.started()
+        self.create_timer_once(self.report_health)
+
+    def _stop(self) -> None:
+        self._running.is_open = False
+        self._setup.is_open = True
+        gc.enable()
+        self.stopped()
+        self.create_timer_once(self.report_health)
+
+    def create_timer_once(self, call: Callable[[], None]) -> None:
+        """Let the executor call `call` as soon as the present callback is over."""
+        if self.executor is not None:
+            self.executor.create_task(call)
+
+    # -- health -------------------------------------------------------------------------------------------------
+
+    @property
+    def state(self) -> str:
+        """Label of the life-cycle state."""
+        return str(self._state_machine.current_state[1])
+
+    def report_health(self) -> None:
+        """Publish the node's health, and how many subscribers its outputs have found."""
+        gc.collect(1)
+        values = {"state": self.state, **self.health.report(), **self.health_values()}
+        for topic, (publisher, *_) in self._senders.items():
+            values[f"subscribers/{topic}"] = str(publisher.get_subscription_count())
+        message = DiagnosticArray()
+        message.header.stamp = self.get_clock().now().to_msg()
+        message.status = [
+            DiagnosticStatus(
+                level=DiagnosticStatus.ERROR if self.problem else DiagnosticStatus.OK,
+                name=self.get_fully_qualified_name(),
+                message=self.problem or self.state,
+                values=[KeyValue(key=key, value=value) for key, value in values.items()],
+            )
+        ]
+        self._diagnostics.publish(message)
+
+    def _reject(self, problem: BadMessage) -> None:
+        self.health.rejected += 1
+        self.health.last_rejected = str(problem)
+
+    # -- details ------------------------------------------------------------------------------------------------
+
+    def _publisher(self, type_: Any, name: str, qos: QoSProfile) -> Publisher:
+        events = PublisherEventCallbacks(matched=lambda _: self.report_health())
+        return self.create_publisher(type_, name, qos, callback_group=self._setup, event_callbacks=events)
+
+    def _timed(self, act: Callable[..., None]) -> Callable[..., None]:
+        def timed(*arguments: Any) -> None:
+            started_s = time.monotonic()
+            act(*arguments)
+            self.health.worked(started_s)
+
+        return timed
+
+    def _check_choices(self, parameters: Any) -> Any:
+        from rcl_interfaces.msg import SetParametersResult
+
+        for given in parameters:
+            known = self._parameters_.get(given.name)
+            if known is not None and known.choices and given.value not in known.choices:
+                reason = f"{given.name} is {given.value!r}; allowed: {', '.join(known.choices)}"
+                return SetParametersResult(successful=False, reason=reason)
+        return SetParametersResult(successful=True)
+
+
+def run_node(make: Callable[[], NodeShell]) -> int:
+    """Run a node until it is told to end; the exit code: 0 after SIGINT and SIGTERM, 1 when it failed."""
+    end_with_parent()
+    rclpy.init()
+    node = None
+    try:
+        node = make()
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        if node.value("autostart"):
+            for trigger in (node.trigger_configure, node.trigger_activate):
+                if trigger() != TransitionCallbackReturn.SUCCESS:
+                    return 1
+        while rclpy.ok() and node.exit_code is None:
+            executor.spin_once()
+        return node.exit_code or 0
+    except (KeyboardInterrupt, ExternalShutdownException):
+        return 0
+    except (InvalidParameterValueException, InvalidParameterTypeException, ParameterException) as problem:
+        print(f"{_program()}: {_one_line(problem)}", file=sys.stderr, flush=True)
+        return 1
+    except Exception as problem:
+        print(f"{node.get_name() if node else _program()}: {_one_line(problem)}", file=sys.stderr, flush=True)
+        if not isinstance(problem, ValueError):
+            traceback.print_exc()
+        return 1
+    finally:
+        if node is not None:
+            node.stopped()
+            node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def _nothing(message: Any) -> None:
+    """Stand in as the callback of a subscription from which `Subscriptions` takes."""
+
+
+def _program() -> str:
+    return sys.argv[0].rsplit("/", 2)[-2 if sys.argv[0].endswith("__main__.py") else -1]
+
+
+def _one_line(problem: BaseException) -> str:
+    text = " ".join(str(problem).split()) or type(problem).__name__
+    return text if isinstance(problem, ValueError) else f"{type(problem).__name__}: {text}"

@@ -1,0 +1,132 @@
+"""Child processes that never outlive their parent, and the environment that ROS nodes want."""
+
+import contextlib
+import ctypes
+import fcntl
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
+
+from bringup.errors import BringupError
+
+#: Tells a node who started it: it ends when that process ends, however it ends.
+PARENT_VARIABLE = "ACFTC_PARENT_PID"
+FASTDDS_PROFILE = Path(__file__).with_name("fastdds.xml")
+#: Domains that Linux leaves free of ephemeral ports.
+DOMAINS = range(102)
+
+_PR_SET_PDEATHSIG = 1
+
+
+def ros_environment() -> dict[str, str]:
+    """What the middleware needs, wherever the user has not said otherwise: stay on this host, discover quickly."""
+    defaults = {
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "FASTRTPS_DEFAULT_PROFILES_FILE": str(FASTDDS_PROFILE),
+        "AMENT_PREFIX_PATH": sys.prefix,
+        # The matrices are small: threads would only cost memory and compete for the processors.
+        "OPENBLAS_NUM_THREADS": "1",
+    }
+    return {name: value for name, value in defaults.items() if name not in os.environ}
+
+
+class Domain:
+    """A ROS domain for one run: the user's ROS_DOMAIN_ID, else the first from 0 on that no other run of ours uses."""
+
+    def __init__(self) -> None:
+        chosen = os.environ.get("ROS_DOMAIN_ID")
+        if chosen is not None and (not chosen.isdecimal() or int(chosen) > 232):
+            msg = f"ROS_DOMAIN_ID is {chosen!r}; allowed: 0 to 232"
+            raise BringupError(msg)
+        for number in [int(chosen)] if chosen is not None else DOMAINS:
+            lock = _lock(number)
+            if lock is not None:
+                self.number, self._lock = number, lock
+                return
+        which = f"ROS domain {chosen} is" if chosen is not None else "all ROS domains are"
+        msg = f"{which} in use by another run on this machine; wait for it or set ROS_DOMAIN_ID to a free one"
+        raise BringupError(msg)
+
+    def release(self) -> None:
+        """Let others have the domain."""
+        self._lock.close()
+
+
+def _lock(number: int) -> IO[Any] | None:
+    path = Path(tempfile.gettempdir()) / f"acftc-{os.getuid()}-domain-{number}.lock"
+    file = path.open("a")
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        file.close()
+        return None
+    return file
+
+
+def end_with_parent() -> None:
+    """In a child: be told to end when the parent dies, and end at once when it is dead already."""
+    parent = os.environ.get(PARENT_VARIABLE)
+    if parent is None:
+        return
+    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    if os.getppid() != int(parent):
+        sys.exit(1)
+
+
+@dataclass
+class Child:
+    """One node's process, with its output in a log file."""
+
+    name: str
+    process: subprocess.Popen[bytes]
+    log: Path
+
+    def last_words(self) -> str:
+        """Last line that the process wrote."""
+        try:
+            lines = self.log.read_text(encoding="utf-8", errors="replace").split("\n")
+        except OSError:
+            return ""
+        said = [line.strip() for line in lines if line.strip()]
+        return said[-1] if said else "it wrote nothing"
+
+
+def start(name: str, arguments: Sequence[str], log_folder: Path, environment: Mapping[str, str]) -> Child:
+    """Start ``python arguments...`` in a process group of its own."""
+    log = log_folder / f"{name}.log"
+    with log.open("wb") as output:
+        process = subprocess.Popen(
+            [sys.executable, *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            env={**os.environ, **environment, PARENT_VARIABLE: str(os.getpid())},
+            process_group=0,
+        )
+    return Child(name, process, log)
+
+
+def stop(children: Iterable[Child], patience_s: float = 5.0) -> None:
+    """End all children: ask, wait, and insist; nothing of their process groups is left afterwards."""
+    running = [child for child in children if child.process.poll() is None]
+    for child in running:
+        _signal(child, signal.SIGTERM)
+    deadline = time.monotonic() + patience_s
+    for child in running:
+        try:
+            child.process.wait(max(deadline - time.monotonic(), 0.01))
+        except subprocess.TimeoutExpired:
+            _signal(child, signal.SIGKILL)
+            child.process.wait()
+
+
+def _signal(child: Child, number: signal.Signals) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(child.process.pid, number)

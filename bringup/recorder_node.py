@@ -1,0 +1,130 @@
+"""Node `recorder`: every message of the loop, as it came over the wire, into a bag."""
+
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.serialization import deserialize_message
+
+from bringup.inputs import Subscriptions
+from bringup.messages import stamp_of_cdr
+from bringup.node_shell import DEADLINE_S, DEPTH, LOOP_QOS, PLAIN_QOS, NodeShell, Parameter, run_node
+from bringup.recorder import BagWriter, RecordedTopic
+from bringup.topics import CLOCK, DIAGNOSTICS, PLANT, RECORDER, TOPICS
+
+PARAMETERS = (
+    Parameter("folder", "bag", "folder of the bag; must not hold one yet"),
+    Parameter("run", "{}", "what is being run, as JSON; stored in the bag"),
+    Parameter(
+        "ticks", 0, "complete after this many messages of each loop topic; 0: when told to", low=0, high=2**31 - 1
+    ),
+    Parameter("mode", "lockstep", "as the plant's", choices=("lockstep", "realtime")),
+)
+
+
+class RecorderNode(NodeShell):
+    """Shell around `BagWriter`: takes serialised messages and never looks into them, but for the health reports."""
+
+    def __init__(self) -> None:
+        super().__init__(RECORDER, PARAMETERS)
+        self._bag: BagWriter | None = None
+        self._plant_finished = False
+        self._complete = False
+
+    def configure(self) -> None:
+        """Open the bag and subscribe to everything."""
+        self._lockstep: bool = self.value("mode") == "lockstep"
+        self._ticks: int = self.value("ticks")
+        namespace = self.get_namespace().rstrip("/")
+        topics = [RecordedTopic(f"{namespace}/{t.name}", t.type, DEPTH, DEADLINE_S) for t in TOPICS]
+        self._loop_topics = len(topics)
+        topics.append(RecordedTopic("/diagnostics", DIAGNOSTICS, DEPTH))
+        self._health_topic = len(topics) - 1
+        if self._lockstep:
+            topics.append(RecordedTopic("/clock", CLOCK, DEPTH))
+        self._names = [topic.name for topic in topics]
+        self._last_ns = 0
+        self._bag = BagWriter(Path(self.value("folder")), topics, json.loads(self.value("run")))
+        self._raw = Subscriptions(self._running, True, self._write)
+        for topic in topics:
+            qos = LOOP_QOS if topic.deadline_s else PLAIN_QOS
+            self._raw.add(self.subscribe(topic.type, topic.name, qos, raw=True))
+        self.add_waitable(self._raw)
+
+    def started(self) -> None:
+        """Keep the file fresh also while nothing comes in."""
+        self._flush_timer = self.create_timer(0.1, self._flush)
+
+    def _flush(self) -> None:
+        if self._bag is not None:
+            self._bag.flush_if_due()
+
+    def _write(self, messages: list[tuple[int, bytes]]) -> None:
+        bag = self._bag
+        if bag is None:
+            return
+        now_ns = 0 if self._lockstep else time.time_ns()
+        for number, data in messages:
+            if number == self._health_topic:
+                self._look_at_health(data)
+                bag.write(number, data, now_ns or self._last_ns, now_ns or self._last_ns)
+                continue
+            stamp = stamp_of_cdr(data)
+            if number < self._loop_topics and stamp > self._last_ns:
+                self._last_ns = stamp
+            bag.write(number, data, now_ns or stamp, stamp)
+        self.health.ticks = bag.counts[0]
+        bag.flush_if_due()
+        if self._plant_finished and not self._complete and not self.missing():
+            self._complete = True
+            self.create_timer_once(self.report_health)
+
+    def _look_at_health(self, data: bytes) -> None:
+        """See from the plant's health report whether the run is over."""
+        for status in deserialize_message(data, DiagnosticArray).status:
+            if status.name.endswith(f"/{PLANT}") and any(
+                v.key == "finished" and v.value == "true" for v in status.values
+            ):
+                self._plant_finished = True
+
+    def missing(self) -> str:
+        """Which messages of the run are not in the bag: empty when every one is."""
+        if self._bag is None or not self._ticks:
+            return ""
+        wanted = range(len(self._names)) if self._lockstep else range(self._loop_topics)
+        gaps = [
+            f"{self._names[n]} {self._bag.counts[n]} of {self._ticks}"
+            for n in wanted
+            if n != self._health_topic and self._bag.counts[n] != self._ticks
+        ]
+        return ", ".join(gaps)
+
+    def stopped(self) -> None:
+        """Make the bag complete."""
+        if self._bag is None:
+            return
+        bag, self._bag = self._bag, None
+        self._running.is_open = True
+        self._bag = bag
+        self._write(self._raw.take_data())  # what was still on its way
+        self._bag = None
+        bag.close()
+
+    def health_values(self) -> dict[str, Any]:
+        """Whether the bag holds the whole run."""
+        return {
+            "complete": "true" if self._complete else "false",
+            "missing": self.missing() if self._plant_finished else "",
+        }
+
+
+def main() -> int:
+    """Run the node."""
+    return run_node(RecorderNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

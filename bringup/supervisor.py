@@ -1,0 +1,157 @@
+"""Manages running nodes over ROS: life cycle, readiness, health. The processes themselves are in `processes`."""
+
+import os
+import time
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Self
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+
+from bringup.errors import BringupError
+from bringup.node_shell import PLAIN_QOS
+from bringup.processes import Child
+from bringup.topics import NAMESPACE, PLANT, RECORDER, TOPICS
+
+#: How often the processes are looked at while nothing comes in, s.
+LOOK_S = 0.05
+STUCK_S = 30.0
+#: How long after the last tick the recorder may take to have everything, s.
+RECORDER_PATIENCE_S = 10.0
+
+
+class Supervisor:
+    """Brings nodes to life and follows them until the run is over.
+
+    A node reports its state and how many subscribers its outputs have found on /diagnostics whenever either changes;
+    so readiness is an event, and a loop starts only when every writer knows every reader.
+    """
+
+    def __init__(self, children: Mapping[str, Child], environment: Mapping[str, str]) -> None:
+        self._children = dict(children)
+        self.health: dict[str, dict[str, str]] = {}
+        self._replies: dict[tuple[str, int], Any] = {}
+        os.environ.update(environment)
+        self._context = rclpy.Context()
+        # Signals stay Python's: bringup must not lose its middleware before it has stopped the nodes.
+        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO, args=[])
+        self._node = rclpy.create_node(
+            "bringup", namespace=NAMESPACE, context=self._context, start_parameter_services=False, enable_rosout=False
+        )
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._node.create_subscription(DiagnosticArray, "/diagnostics", self._heard, PLAIN_QOS)
+        self._clients = {
+            name: self._node.create_client(ChangeState, f"{NAMESPACE}/{name}/change_state") for name in children
+        }
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+    # -- steps --------------------------------------------------------------------------------------------------
+
+    def activate(self, order: Iterable[str]) -> None:
+        """Configure all nodes, wait until they have found each other, then activate them in `order`."""
+        order = list(order)
+        self._reach(order, Transition.TRANSITION_CONFIGURE, "inactive")
+        self._until(lambda: all(self._connected(name) for name in order), self._unconnected)
+        for name in order:
+            self._reach([name], Transition.TRANSITION_ACTIVATE, "active")
+
+    def wait_until_done(self, ticks: int, progress: Callable[[int, int], None] | None) -> None:
+        """Wait for the plant's last tick, then until the recorder has every message."""
+        shown = -1
+        moved_s = time.monotonic()
+        while self._of(PLANT, "finished") != "true":
+            self._spin()
+            tick = int(self._of(PLANT, "tick") or 0)
+            if tick != shown:
+                shown, moved_s = tick, time.monotonic()
+                if progress is not None:
+                    progress(tick, ticks)
+            elif time.monotonic() - moved_s > STUCK_S:
+                msg = f"the loop has stood still at tick {tick} for {STUCK_S:g} s"
+                raise BringupError(msg)
+        deadline = time.monotonic() + RECORDER_PATIENCE_S
+        while self._of(RECORDER, "complete") != "true":
+            if time.monotonic() > deadline:
+                msg = f"messages are missing in the bag: {self._of(RECORDER, 'missing')}"
+                raise BringupError(msg)
+            self._spin()
+        if progress is not None:
+            progress(ticks, ticks)
+
+    # -- details ------------------------------------------------------------------------------------------------
+
+    def _heard(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            name = status.name.rsplit("/", 1)[-1]
+            if status.name == f"{NAMESPACE}/{name}" and name in self._children:
+                self.health[name] = {item.key: item.value for item in status.values}
+
+    def _of(self, name: str, key: str) -> str:
+        return self.health.get(name, {}).get(key, "")
+
+    def _reach(self, names: list[str], transition: int, state: str) -> None:
+        """Request `transition` of each node as soon as its service is there; until all report `state`."""
+
+        def done() -> bool:
+            for name in names:
+                reply = self._replies.get((name, transition))
+                if reply is None:
+                    if self._clients[name].service_is_ready():
+                        request = ChangeState.Request(transition=Transition(id=transition))
+                        self._replies[name, transition] = self._clients[name].call_async(request)
+                elif reply.done() and not reply.result().success:
+                    raise BringupError(self._failed(name, "cannot start"))
+            return all(self._of(name, "state") == state for name in names)
+
+        self._until(done, lambda: f"{', '.join(n for n in names if self._of(n, 'state') != state)} not {state}")
+
+    def _connected(self, name: str) -> bool:
+        """Whether every output of a node has at least the subscribers that this graph holds."""
+        return all(int(self._of(name, f"subscribers/{topic}") or 0) >= n for topic, n in self._wanted(name).items())
+
+    def _wanted(self, name: str) -> dict[str, int]:
+        recorded = 1 if RECORDER in self._children else 0
+        wanted = {
+            topic.name: recorded + sum(subscriber in self._children for subscriber in topic.subscribers)
+            for topic in TOPICS
+            if topic.publisher == name
+        }
+        if name == PLANT and "subscribers/clock" in self.health.get(name, {}):
+            wanted["clock"] = recorded
+        return wanted
+
+    def _unconnected(self) -> str:
+        return ", ".join(name for name in self._children if not self._connected(name)) + " not connected"
+
+    def _until(self, condition: Callable[[], bool], what: Callable[[], str]) -> None:
+        started_s = time.monotonic()
+        while not condition():
+            self._spin()
+            if time.monotonic() - started_s > self.patience_s:
+                msg = f"the nodes did not get ready in {self.patience_s:g} s: {what()}"
+                raise BringupError(msg)
+
+    #: How long all nodes together may take for one step; a design that is not in the cache yet takes its time.
+    patience_s = 900.0
+
+    def _spin(self) -> None:
+        self._executor.spin_once(timeout_sec=LOOK_S)
+        for child in self._children.values():
+            if child.process.poll() is not None:
+                raise BringupError(self._failed(child.name, "died"))
+
+    def _failed(self, name: str, how: str) -> str:
+        child = self._children[name]
+        return f"node {name} {how}: {child.last_words()} (log: {child.log})"

@@ -1,0 +1,64 @@
+"""Faults and noise between plant and loop: f_p and noise on the measurements, f_N on the command."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+
+
+class FaultInjector:
+    """Adds what goes wrong; without faults and noise it passes every number on bit for bit.
+
+    Parameters
+    ----------
+    noise_std : sequence of float, length 3
+        Standard deviations of the Gaussian noise on evaporator pressure [Pa], superheat [K], wall temperature [K].
+    seed : int
+        Of the noise; the same seed gives the same noise.
+    """
+
+    def __init__(self, noise_std: Sequence[float] | Vector = (0.0, 0.0, 0.0), seed: int = 0) -> None:
+        self._noise_std = np.asarray(noise_std, dtype=np.float64)
+        if self._noise_std.shape != (3,) or not np.all(self._noise_std >= 0.0):
+            msg = f"noise_std is {list(noise_std)}; allowed: three numbers, none negative"
+            raise ValueError(msg)
+        self._noisy = bool(np.any(self._noise_std > 0.0))
+        self._random = np.random.default_rng(seed)
+
+    def measure(self, actual: Vector, f_p: float) -> Vector:
+        """Measurement of this tick.
+
+        Parameters
+        ----------
+        actual : ndarray, shape (3,)
+            Evaporator pressure [Pa], superheat [K], wall temperature [degC] as they are.
+        f_p : float
+            Fault of the pressure sensor [Pa].
+
+        Returns
+        -------
+        ndarray, shape (3,)
+            As `actual`, with f_p on the pressure and noise on all three.
+        """
+        measured: Vector = actual + self._noise_std * self._random.standard_normal(3) if self._noisy else actual.copy()
+        measured[0] += f_p
+        return measured
+
+    def actuate(self, command: Vector, f_n: float) -> Vector:
+        """Command that reaches the plant: f_N [rad/s] added to the compressor speed, never below standstill.
+
+        Parameters
+        ----------
+        command : ndarray, shape (2,)
+            Compressor speed [rad/s], valve opening [0..1].
+        f_n : float
+
+        Returns
+        -------
+        ndarray, shape (2,)
+        """
+        actuator: Vector = command.copy()
+        actuator[0] = max(actuator[0] + f_n, 0.0)
+        return actuator

@@ -1,0 +1,47 @@
+"""Node `compensator`: q = Q f_e, with Q_act or Q_sen as the isolation says."""
+
+import sys
+
+import numpy as np
+
+from bringup.node_shell import OPERATING_POINT, SAMPLE_TIME, NodeShell, Parameter, run_node
+from bringup.recording import StatusRow
+from bringup.topics import COMPENSATOR
+
+ACCOMMODATE = Parameter("accommodate", True, "false leaves K0 alone: q is 0 whatever is isolated")
+
+
+class CompensatorNode(NodeShell):
+    """Shell around `Compensator`."""
+
+    def __init__(self) -> None:
+        super().__init__(COMPENSATOR, (OPERATING_POINT, SAMPLE_TIME, ACCOMMODATE))
+
+    def configure(self) -> None:
+        """Load the design of the operating point."""
+        import gimc_controller_node
+
+        design = gimc_controller_node.design_compensator(self.value("operating_point"), self.value("sample_time_s"))
+        self._compensator = gimc_controller_node.Compensator(design, accommodate=self.value("accommodate"))
+        self.on_tick(
+            (
+                "fdi/innovation/evaporator_pressure",
+                "fdi/innovation/superheat",
+                "fdi/innovation/wall_temperature",
+                "fdi/status",
+            ),
+            self._step,
+        )
+
+    def _step(self, time_ns: int, p_e: float, superheat: float, wall: float, status: StatusRow) -> None:
+        q = self._compensator.step(np.array([p_e, superheat, wall]), status.isolated)
+        self.send(time_ns, "compensator/q", *q.tolist())
+
+
+def main() -> int:
+    """Run the node."""
+    return run_node(CompensatorNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
