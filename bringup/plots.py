@@ -1,114 +1,18 @@
 """The paper's plots of a run: outputs, commands and residuals over a common time axis, as one plotly figure."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
-from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
+from bringup.panels import GREEN, GREY, PURPLE, Line, Panel, instants, panels_of, readable_range
 from bringup.recording import Recording
 from bringup.summary import injected_faults
-from bringup.units import KPA, RPM
-
-# Okabe and Ito's palette, told apart by colour-blind readers too; dashes tell the lines apart without any colour.
-BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE, GREY = (
-    "#000000",
-    "#E69F00",
-    "#56B4E9",
-    "#009E73",
-    "#0072B2",
-    "#D55E00",
-    "#CC79A7",
-    "#7F7F7F",
-)
+from bringup.topics import FAULTS
 
 _ROW_PX = 210
 _FONT = '"DejaVu Sans", system-ui, sans-serif'
-
-
-@dataclass(frozen=True)
-class Line:
-    """One line of a plot: where it comes from, how it is scaled, how it looks."""
-
-    key: str
-    name: str
-    colour: str
-    dash: str = "solid"
-    width: float = 1.8
-    step: bool = False
-
-
-@dataclass(frozen=True)
-class Panel:
-    """One plot of the column: title with unit, scale from SI, its lines of the run itself and of the run beside it."""
-
-    title: str
-    per_unit: float
-    own: tuple[Line, ...]
-    beside: tuple[Line, ...] = ()
-    digits: str = ".3f"
-    fault: str | None = None
-
-
-def _panels(recording: Recording, both: bool) -> list[Panel]:
-    """Panels of the report; the air side only when something happens there."""
-    passive = bool(recording.metadata["passive"])
-    ours, theirs = ("passive", "active") if passive else ("active", "passive")
-    own, soft = (VERMILION, ORANGE) if passive else (BLUE, SKY)
-    other = BLUE if passive else VERMILION
-    tag = f", {ours}" if both else ""
-
-    def output(quantity: str, title: str, per_unit: float) -> Panel:
-        return Panel(
-            title,
-            per_unit,
-            (
-                Line(f"measured/{quantity}", f"measured{tag}", soft, width=1.4),
-                Line(f"plant/{quantity}", f"actual{tag}", own, width=2.2),
-                Line(f"reference/{quantity}", "reference", BLACK, "dash", 1.2),
-            ),
-            (Line(f"plant/{quantity}", f"actual, {theirs}", other, "dashdot"),),
-        )
-
-    def input_(joint: str, title: str, per_unit: float) -> Panel:
-        return Panel(
-            title,
-            per_unit,
-            (
-                Line(f"actuator/command:{joint}", f"reached the plant{tag}", soft, width=1.4, step=True),
-                Line(f"controller/command:{joint}", f"commanded{tag}", own, width=2.2, step=True),
-            ),
-            (Line(f"controller/command:{joint}", f"commanded, {theirs}", other, "dashdot", step=True),),
-        )
-
-    def residual(key: str, kind: str, title: str, per_unit: float) -> Panel:
-        return Panel(
-            title,
-            per_unit,
-            (
-                Line(f"fault/{key}", "fault injected", BLACK, "dash", 1.4, step=True),
-                Line(f"fdi/residual/{key}", "residual", own, width=2.2),
-            ),
-            fault=kind,
-        )
-
-    panels = [
-        output("evaporator_pressure", "Evaporator pressure p<sub>e</sub>, kPa", KPA),
-        output("superheat", "Superheat SH, K", 1.0),
-        input_("compressor", "Compressor speed N, rpm", RPM),
-        input_("expansion_valve", "Expansion valve, %", 0.01),
-        residual("compressor_speed:compressor", "compressor_speed", "Residual r<sub>N</sub>, rpm", RPM),
-        residual("evaporator_pressure", "evaporator_pressure", "Residual r<sub>p</sub>, kPa", KPA),
-    ]
-    if _varies(recording, "scenario/air:evaporator_air"):
-        flow = Line("scenario/air:evaporator_air", "air flow", GREEN, step=True)
-        panels.append(Panel("Evaporator air flow, kg/s", 1.0, (flow,), digits=".4f"))
-    if _varies(recording, "scenario/air_inlet_temperature"):
-        inlet = Line("scenario/air_inlet_temperature", "air inlet", GREEN, step=True)
-        panels.append(Panel("Evaporator air inlet, °C", 1.0, (inlet,)))
-    return panels
 
 
 def time_plots(recording: Recording, beside: Recording | None = None) -> Any:
@@ -126,7 +30,7 @@ def time_plots(recording: Recording, beside: Recording | None = None) -> Any:
     plotly.graph_objects.Figure
         One row for each panel, with a legend of its own.
     """
-    panels = _panels(recording, beside is not None)
+    panels = panels_of(recording, beside is not None)
     figure = make_subplots(
         rows=len(panels),
         cols=1,
@@ -142,16 +46,12 @@ def time_plots(recording: Recording, beside: Recording | None = None) -> Any:
             _draw(figure, row, recording, line, panel, rank=5 - rank)
         if panel.fault is not None:
             _draw_thresholds(figure, row, recording, panel)
-        _readable_range(figure, row, recording, beside, panel)
+        limits = readable_range(recording, beside, panel)
+        if limits is not None:
+            figure.update_yaxes(range=limits, row=row, col=1)
     _mark_instants(figure, recording)
     _lay_out(figure, recording, len(panels))
     return figure
-
-
-def _varies(recording: Recording, key: str) -> bool:
-    values = recording.series[key]
-    values = values[np.isfinite(values)]
-    return bool(len(values)) and bool(values.max() > values.min())
 
 
 def _legend(row: int) -> str:
@@ -193,9 +93,9 @@ def _time_axis(run: Recording) -> dict[str, Any]:
 
 def _draw_thresholds(figure: Any, row: int, recording: Recording, panel: Panel) -> None:
     """Draw the detection thresholds, and the instants of detection and isolation on the residual itself."""
-    if not recording.status:
+    if not recording.status or panel.fault is None:
         return
-    index = 0 if panel.fault == "compressor_speed" else 1
+    index = FAULTS.index(panel.fault)
     times = np.array([status.time_s for status in recording.status])
     threshold = np.array([status.thresholds[index] for status in recording.status]) / panel.per_unit
     keep = np.concatenate([[True], np.diff(threshold) != 0.0])
@@ -216,37 +116,28 @@ def _draw_thresholds(figure: Any, row: int, recording: Recording, panel: Panel) 
             row=row,
             col=1,
         )
+    detections, isolations = instants(recording)
+    named = [at for at, kind in isolations if kind == panel.fault]
+    # A detection belongs to the residual whose fault is named next.
+    seen = [at for at in detections if next((kind for when, kind in isolations if when >= at), None) == panel.fault]
     key = panel.own[1].key
-    for kind, symbol, colour, at in _instants(recording):
+    for what, symbol, colour, at in (("detected", "triangle-up", PURPLE, seen), ("isolated", "diamond", GREEN, named)):
         if not at:
             continue
         figure.add_trace(
             go.Scatter(
                 x=at,
                 y=np.interp(at, recording.time_s, recording.series[key]) / panel.per_unit,
-                name=kind,
+                name=what,
                 mode="markers",
                 marker={"symbol": symbol, "size": 9, "color": colour, "line": {"color": "white", "width": 1}},
                 legend=_legend(row),
                 legendrank=30,
-                hovertemplate=f"{kind} at %{{x:.1f}} s<extra></extra>",
+                hovertemplate=f"{what} at %{{x:.1f}} s<extra></extra>",
             ),
             row=row,
             col=1,
         )
-
-
-def _instants(recording: Recording) -> list[tuple[str, str, str, list[float]]]:
-    """Instants at which a detection begins and a fault is named: (what, symbol, colour, times)."""
-    detections, isolations = [], []
-    detected, isolated = False, None
-    for row in recording.status:
-        if row.detected and not detected:
-            detections.append(row.time_s)
-        if row.isolated is not None and row.isolated != isolated:
-            isolations.append(row.time_s)
-        detected, isolated = row.detected, row.isolated
-    return [("detected", "triangle-up", PURPLE, detections), ("isolated", "diamond", GREEN, isolations)]
 
 
 def _mark_instants(figure: Any, recording: Recording) -> None:
@@ -266,40 +157,21 @@ def _mark_instants(figure: Any, recording: Recording) -> None:
             yanchor="top",
             font={"size": 11, "color": GREY},
         )
-    for at in _instants(recording)[1][3]:
+    isolations = instants(recording)[1]
+    for at, _ in isolations:
         figure.add_vline(x=at, line={"color": GREEN, "width": 1}, layer="below")
-    if _instants(recording)[1][3]:
+    if isolations:
         figure.add_annotation(
-            x=_instants(recording)[1][3][0],
+            x=isolations[0][0],
             y=1.0,
             yref="y domain",
             xref="x",
-            text=" isolated" + (", Q acts" if not recording.metadata["passive"] else ""),
+            text=" isolated" + ("" if recording.metadata["passive"] else ", Q acts"),
             showarrow=False,
             xanchor="left",
             yanchor="top",
             font={"size": 11, "color": GREEN},
         )
-
-
-def _readable_range(figure: Any, row: int, recording: Recording, beside: Recording | None, panel: Panel) -> None:
-    """Keep rounding noise from filling a panel: at least a thousandth of the value, or a tenth of a unit."""
-    lines = [recording.series[line.key] for line in panel.own]
-    lines += [beside.series[line.key] for line in panel.beside] if beside is not None else []
-    values: NDArray[np.float64] = np.concatenate(lines) / panel.per_unit
-    values = values[np.isfinite(values)]
-    if not len(values):
-        return
-    low, high = float(values.min()), float(values.max())
-    least = max(0.1 if panel.digits == ".3f" else 0.001, 1e-3 * abs(high))
-    if panel.fault is not None and recording.status:
-        index = 0 if panel.fault == "compressor_speed" else 1
-        least = max(least, 3.0 * recording.status[-1].thresholds[index] / panel.per_unit)
-    if high - low < least:
-        middle = 0.5 * (low + high)
-        low, high = middle - 0.5 * least, middle + 0.5 * least
-    margin = 0.08 * (high - low)
-    figure.update_yaxes(range=[low - margin, high + margin], row=row, col=1)
 
 
 def _lay_out(figure: Any, recording: Recording, rows: int) -> None:
