@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import yaml
 
-from bringup.errors import BringupError
+from bringup.errors import BringupError, InterruptedRunError, RunError
 from bringup.processes import Child, Domain, ros_environment, start, stop
 from bringup.scenario import Scenario
 from bringup.topics import (
@@ -117,7 +117,7 @@ def run_graph(
             recorder = children[RECORDER]
             if recorder.process.returncode != 0:
                 msg = f"node {RECORDER} failed at the end: {recorder.last_words()} (log: {recorder.log})"
-                raise BringupError(msg)
+                raise RunError(msg)
             return result
     finally:
         domain.release()
@@ -190,6 +190,6 @@ def _interruptible(out_dir: Path) -> Iterator[None]:
         yield
     except KeyboardInterrupt:
         msg = f"interrupted; {out_dir / 'bag'} holds what was recorded until then"
-        raise BringupError(msg) from None
+        raise InterruptedRunError(msg) from None
     finally:
         signal.signal(signal.SIGTERM, before)

@@ -12,7 +12,7 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
-from bringup.errors import BringupError
+from bringup.errors import RunError
 from bringup.node_shell import PLAIN_QOS
 from bringup.processes import Child
 from bringup.topics import NAMESPACE, PLANT, RECORDER, TOPICS
@@ -39,14 +39,14 @@ class Supervisor:
         self._context = rclpy.Context()
         # Signals stay Python's: bringup must not lose its middleware before it has stopped the nodes.
         rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO, args=[])
-        self._node = rclpy.create_node(
+        self.node = rclpy.create_node(
             "bringup", namespace=NAMESPACE, context=self._context, start_parameter_services=False, enable_rosout=False
         )
         self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        self._node.create_subscription(DiagnosticArray, "/diagnostics", self._heard, PLAIN_QOS)
+        self._executor.add_node(self.node)
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._heard, PLAIN_QOS)
         self._clients = {
-            name: self._node.create_client(ChangeState, f"{NAMESPACE}/{name}/change_state") for name in children
+            name: self.node.create_client(ChangeState, f"{NAMESPACE}/{name}/change_state") for name in children
         }
 
     def __enter__(self) -> Self:
@@ -54,7 +54,7 @@ class Supervisor:
 
     def __exit__(self, *_: object) -> None:
         self._executor.shutdown()
-        self._node.destroy_node()
+        self.node.destroy_node()
         self._context.try_shutdown()
 
     # -- steps --------------------------------------------------------------------------------------------------
@@ -62,17 +62,25 @@ class Supervisor:
     def activate(self, order: Iterable[str]) -> None:
         """Configure all nodes, wait until they have found each other, then activate them in `order`."""
         order = list(order)
-        self._reach(order, Transition.TRANSITION_CONFIGURE, "inactive")
-        self._until(lambda: all(self._connected(name) for name in order), self._unconnected)
+        self.connect(order, lambda: all(self._connected(name) for name in order))
         for name in order:
             self._reach([name], Transition.TRANSITION_ACTIVATE, "active")
+
+    def connect(self, names: Iterable[str], connected: Callable[[], bool]) -> None:
+        """Configure nodes (those that are not yet) and wait until `connected`."""
+        self._reach(
+            [name for name in names if self._of(name, "state") != "inactive"],
+            Transition.TRANSITION_CONFIGURE,
+            "inactive",
+        )
+        self._until(connected, self._unconnected)
 
     def wait_until_done(self, ticks: int, progress: Callable[[int, int], None] | None) -> None:
         """Wait for the plant's last tick, then until the recorder has every message."""
         shown = -1
         moved_s = time.monotonic()
         while self._of(PLANT, "finished") != "true":
-            self._spin()
+            self.spin()
             tick = int(self._of(PLANT, "tick") or 0)
             if tick != shown:
                 shown, moved_s = tick, time.monotonic()
@@ -80,13 +88,13 @@ class Supervisor:
                     progress(tick, ticks)
             elif time.monotonic() - moved_s > STUCK_S:
                 msg = f"the loop has stood still at tick {tick} for {STUCK_S:g} s"
-                raise BringupError(msg)
+                raise RunError(msg)
         deadline = time.monotonic() + RECORDER_PATIENCE_S
         while self._of(RECORDER, "complete") != "true":
             if time.monotonic() > deadline:
                 msg = f"messages are missing in the bag: {self._of(RECORDER, 'missing')}"
-                raise BringupError(msg)
-            self._spin()
+                raise RunError(msg)
+            self.spin()
         if progress is not None:
             progress(ticks, ticks)
 
@@ -112,7 +120,7 @@ class Supervisor:
                         request = ChangeState.Request(transition=Transition(id=transition))
                         self._replies[name, transition] = self._clients[name].call_async(request)
                 elif reply.done() and not reply.result().success:
-                    raise BringupError(self._failed(name, "cannot start"))
+                    raise RunError(self._failed(name, "cannot start"))
             return all(self._of(name, "state") == state for name in names)
 
         self._until(done, lambda: f"{', '.join(n for n in names if self._of(n, 'state') != state)} not {state}")
@@ -138,19 +146,20 @@ class Supervisor:
     def _until(self, condition: Callable[[], bool], what: Callable[[], str]) -> None:
         started_s = time.monotonic()
         while not condition():
-            self._spin()
+            self.spin()
             if time.monotonic() - started_s > self.patience_s:
                 msg = f"the nodes did not get ready in {self.patience_s:g} s: {what()}"
-                raise BringupError(msg)
+                raise RunError(msg)
 
     #: How long all nodes together may take for one step; a design that is not in the cache yet takes its time.
     patience_s = 900.0
 
-    def _spin(self) -> None:
+    def spin(self) -> None:
+        """Handle one message or event; complain when a process has died."""
         self._executor.spin_once(timeout_sec=LOOK_S)
         for child in self._children.values():
             if child.process.poll() is not None:
-                raise BringupError(self._failed(child.name, "died"))
+                raise RunError(self._failed(child.name, "died"))
 
     def _failed(self, name: str, how: str) -> str:
         child = self._children[name]

@@ -26,6 +26,8 @@ class InjectorNode(NodeShell):
         """Make the injector."""
         self._injector = FaultInjector(self.value("noise_std"), self.value("seed"))
         self._f_n: dict[int, float] = {}  # of ticks whose command has not come yet
+        self._measured_ns = -1
+        self._early: tuple[int, float, float] | None = None  # a command that overtook its tick's measurement
         self.on_tick(
             (
                 "plant/evaporator_pressure",
@@ -48,8 +50,15 @@ class InjectorNode(NodeShell):
         self.send(time_ns, "measured/wall_temperature", measured[2])
         self.send(time_ns, "fault/compressor_speed", f_n)
         self.send(time_ns, "fault/evaporator_pressure", f_p)
+        self._measured_ns = time_ns
+        if self._early is not None and self._early[0] <= time_ns:
+            early, self._early = self._early, None
+            self._actuate(*early)
 
     def _actuate(self, time_ns: int, compressor_speed: float, valve_opening: float) -> None:
+        if time_ns > self._measured_ns:
+            self._early = (time_ns, compressor_speed, valve_opening)
+            return
         f_n = self._f_n.pop(time_ns, 0.0)
         actuator = self._injector.actuate(np.array([compressor_speed, valve_opening]), f_n)
         self.send(time_ns, "actuator/command", *actuator.tolist())
