@@ -5,11 +5,13 @@ import math
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import zstandard
+from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError
 from mcap.records import Channel, Chunk, Metadata, Schema
 from mcap.stream_reader import StreamReader
@@ -59,9 +61,9 @@ def read_raw(bag: Path | str) -> RawBag:
         try:
             with file.open("rb") as stream:
                 _read_file(StreamReader(stream, emit_chunks=True), result)
-        except EndOfFile:
-            result.complete = False
-        except (McapError, struct.error, zstandard.ZstdError, UnicodeDecodeError) as problem:
+        except (EndOfFile, struct.error):
+            result.complete = False  # cut short; what is missing from a run shows in its number of ticks
+        except (McapError, zstandard.ZstdError, UnicodeDecodeError) as problem:
             msg = f"{file}: not a readable MCAP file: {one_line(problem) or type(problem).__name__}"
             raise BringupError(msg) from None
         except OSError as problem:
@@ -91,8 +93,8 @@ def read_bag(bag: Path | str) -> Recording:
     prefix = f"{NAMESPACE}/"
     stamps = {topic: _stamps(messages) for topic, messages in raw.messages.items() if topic.startswith(prefix)}
     every = [times for times in stamps.values() if len(times)]
-    first = min((int(times[0]) for times in every), default=0)
-    ticks = max((int(times[-1]) - first for times in every), default=-tick_ns) // tick_ns + 1
+    first = min((int(times.min()) for times in every), default=0)
+    ticks = max((int(times.max()) - first for times in every), default=-tick_ns) // tick_ns + 1
     recording = Recording(time_s=np.arange(ticks) * tick_ns / 1e9, series={})
     for name, topic in BY_NAME.items():
         messages = raw.messages.get(prefix + name, [])
@@ -151,30 +153,36 @@ def _files(bag: Path) -> list[Path]:
     raise BringupError(msg)
 
 
+class _Channels:
+    """Channels and schemas of one file, and where their messages go."""
+
+    def __init__(self, bag: RawBag) -> None:
+        self._bag = bag
+        self._types: dict[int, str] = {}
+        self.messages: dict[int, list[tuple[int, bytes]]] = {}
+
+    def define(self, record: Schema | Channel) -> None:
+        """Learn a schema or a channel; both come again in the summary at the end."""
+        if isinstance(record, Schema):
+            self._types[record.id] = record.name
+        elif record.id not in self.messages:
+            self._bag.types[record.topic] = self._types.get(record.schema_id, "")
+            self.messages[record.id] = self._bag.messages.setdefault(record.topic, [])
+
+
 def _read_file(reader: StreamReader, result: RawBag) -> None:
     """Walk through the records; what precedes an early end has been taken by then."""
-    channels: dict[int, list[tuple[int, bytes]]] = {}
-    types: dict[int, str] = {}
-
-    def channel(record: Channel) -> None:
-        result.types[record.topic] = types.get(record.schema_id, "")
-        channels[record.id] = result.messages.setdefault(record.topic, [])
-
+    channels = _Channels(result)
     for record in reader.records:
         if isinstance(record, Chunk):
-            _read_chunk(record, channels, types, channel)
-        elif isinstance(record, Schema):
-            types[record.id] = record.name
-        elif isinstance(record, Channel):
-            if record.id not in channels:
-                channel(record)
+            _read_chunk(record, channels)
+        elif isinstance(record, Schema | Channel):
+            channels.define(record)
         elif isinstance(record, Metadata) and record.name == RUN_RECORD:
             result.run = json.loads(record.metadata["run"])
 
 
-def _read_chunk(
-    chunk: Chunk, channels: dict[int, list[tuple[int, bytes]]], types: dict[int, str], channel: Any
-) -> None:
+def _read_chunk(chunk: Chunk, channels: _Channels) -> None:
     """Take the messages out of a chunk: several times faster than as one object each."""
     data = chunk.data
     if chunk.compression == "zstd":
@@ -188,29 +196,12 @@ def _read_chunk(
         at += _RECORD.size
         if opcode == _MESSAGE:
             number, _, log_ns, _ = _MESSAGE_HEAD.unpack_from(data, at)
-            channels[number].append((log_ns, data[at + _MESSAGE_HEAD.size : at + length]))
-        elif opcode in (_SCHEMA, _CHANNEL):
-            _read_definition(opcode, data[at - _RECORD.size : at + length], types, channels, channel)
+            channels.messages[number].append((log_ns, data[at + _MESSAGE_HEAD.size : at + length]))
+        elif opcode == _SCHEMA:
+            channels.define(Schema.read(ReadDataStream(BytesIO(data[at : at + length]))))
+        elif opcode == _CHANNEL:
+            channels.define(Channel.read(ReadDataStream(BytesIO(data[at : at + length]))))
         at += length
-
-
-def _read_definition(opcode: int, record: bytes, types: dict[int, str], channels: dict[int, Any], channel: Any) -> None:
-    from mcap.data_stream import ReadDataStream
-
-    stream = ReadDataStream(_bytes_io(record[_RECORD.size :]))
-    if opcode == _SCHEMA:
-        schema = Schema.read(stream)
-        types[schema.id] = schema.name
-    else:
-        found = Channel.read(stream)
-        if found.id not in channels:
-            channel(found)
-
-
-def _bytes_io(data: bytes) -> Any:
-    from io import BytesIO
-
-    return BytesIO(data)
 
 
 # ------------------------------------------------------------------------------------------------------- messages
@@ -225,7 +216,8 @@ def stamp_ns(data: bytes) -> int:
 def _stamps(messages: list[tuple[int, bytes]]) -> NDArray[np.int64]:
     """Stamps of serialised messages in ns: they follow the 4 bytes of encapsulation."""
     heads = np.frombuffer(b"".join([data[4:12] for _, data in messages]), dtype=[("s", "<i4"), ("ns", "<u4")])
-    return heads["s"].astype(np.int64) * NANOSECONDS + heads["ns"]
+    times: NDArray[np.int64] = heads["s"].astype(np.int64) * NANOSECONDS + heads["ns"].astype(np.int64)
+    return times
 
 
 def _column(

@@ -39,7 +39,8 @@ def type_hash(type_name: str) -> str:
     """RIHS hash of a message type."""
     package, kind, short = type_name.split("/")
     described = json.loads((share_folder(package) / kind / f"{short}.json").read_text(encoding="utf-8"))
-    return next(entry["hash_string"] for entry in described["type_hashes"] if entry["type_name"] == type_name)
+    hashes: dict[str, str] = {entry["type_name"]: entry["hash_string"] for entry in described["type_hashes"]}
+    return hashes[type_name]
 
 
 def _own_text(type_name: str) -> str:

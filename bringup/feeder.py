@@ -21,7 +21,7 @@ class Feeder:
             for topic in TOPICS
             if node in topic.subscribers
         }
-        self._subscriptions = []
+        self._subscriptions: list[Any] = []
         self.got: dict[str, bytes] = {}
         for topic in TOPICS:
             if topic.publisher == node:

@@ -92,11 +92,11 @@ class BagWriter:
         now = time.monotonic()
         if now - self._flushed_s >= FLUSH_PERIOD_S:
             self._flushed_s = now
-            self._writer.flush()
+            self._writer.flush()  # type: ignore[no-untyped-call]
 
     def close(self) -> None:
         """Write index and metadata; the folder is a complete bag then."""
-        self._writer.finish()
+        self._writer.finish()  # type: ignore[no-untyped-call]
         self._stream.close()
         self._write_metadata()
 
