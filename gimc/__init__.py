@@ -1,7 +1,7 @@
 """Mathematics of the generalised internal model control (GIMC) structure: python-control's StateSpace in and out.
 
-Coprime factors, H-infinity synthesis, model matching, order reduction, norms and sampled filters. Nothing in here knows about air
-conditioners, ROS or files.
+Coprime factors, H-infinity synthesis, model matching, order reduction, norms and sampled filters. Nothing in here knows
+about air conditioners or ROS.
 """
 
 from gimc.coprime import coprime_factor, filter_gain, lcf

@@ -1,6 +1,7 @@
 """Errors of the synthesis, one class for each thing that can be wrong with a problem.
 
-All derive from `SynthesisError`, itself a `ValueError`: the message is one line that says what was wrong, where, and what helps.
+All derive from `SynthesisError`, itself a `ValueError`: the message is one line that says what was wrong, where, and
+what helps.
 """
 
 

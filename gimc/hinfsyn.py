@@ -1,7 +1,8 @@
 """H-infinity synthesis for the general four-block problem: Riccati equations of Doyle, Glover, Khargonekar and Francis.
 
-The formulas are those of Glover and Doyle (Syst. Control Lett. 11, 1988) as printed in Zhou, Doyle and Glover, "Robust and Optimal
-Control" (1996), section 17.1, which allow any D11; D22 is taken out before and put back after (section 17.2).
+The formulas are those of Glover and Doyle (Syst. Control Lett. 11, 1988) as printed in Zhou, Doyle and Glover, "Robust
+and Optimal Control" (1996), section 17.1, which allow any D11; D22 is taken out before and put back after (section
+17.2).
 """
 
 from collections.abc import Iterator
@@ -30,6 +31,7 @@ from gimc.scaling import balance_states
 RANK_TOLERANCE = 1e-10  # singular values relative to the largest
 MODE_TOLERANCE = 1e-11  # smallest singular value of [A - lambda I, B], relative to its largest
 NORM_TOLERANCE = 1e-3  # agreement asked of claimed and recomputed norms
+FLOOR = 1e-9  # levels below this are not told from zero
 BACKOFF_LADDER = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0)  # multiples of the back-off tried before giving up
 
 
@@ -118,8 +120,8 @@ def hinfsyn(
     rtol : float
         Relative width of the bisection's last interval.
     backoff : float
-        The controller is computed for (1 + backoff) times the smallest feasible level. At the optimum itself the controller has
-        poles that grow without bound; a few per cent cost little and give a well-behaved controller.
+        The controller is computed for (1 + backoff) times the smallest feasible level. At the optimum itself the
+        controller has poles that grow without bound; a few per cent cost little and give a well-behaved controller.
     gamma_max : float
         Largest level to try.
 
@@ -167,7 +169,7 @@ def hinf_synthesis(
     )
 
 
-# --- assumptions and standard form -----------------------------------------------------------------------------------------------
+# --- assumptions and standard form --------------------
 
 
 def _check_numbers(plant: Abcd, nmeas: int, ncon: int, rtol: float, backoff: float) -> None:
@@ -186,8 +188,8 @@ def _standard_form(plant: Abcd, nmeas: int, ncon: int) -> _Standard:
     """Rotate z and w, scale u and y, so that D12 = [0; I] and D21 = [0 I]; check every assumption on the way."""
     A, B, C, D = plant
     p1, m1 = D.shape[0] - nmeas, D.shape[1] - ncon
-    Tz, Ru = _column_compression(D[:p1, m1:], RankDeficientD12Error, "D12", "control input")
-    Tw, Ry = _column_compression(D[p1:, :m1].T, RankDeficientD21Error, "D21", "measurement")
+    Tz, Ru = _column_compression(D[:p1, m1:], RankDeficientD12Error, "D12", "control input", "add a penalty on u to z")
+    Tw, Ry = _column_compression(D[p1:, :m1].T, RankDeficientD21Error, "D21", "measurement", "add a noise on y to w")
     left = np.zeros((p1 + nmeas, p1 + nmeas))
     left[:p1, :p1], left[p1:, p1:] = Tz.T, Ry.T
     right = np.zeros((m1 + ncon, m1 + ncon))
@@ -204,22 +206,20 @@ def _standard_form(plant: Abcd, nmeas: int, ncon: int) -> _Standard:
     return standard
 
 
-def _column_compression(D12: Matrix, error: type[SynthesisError], name: str, signal: str) -> tuple[Matrix, Matrix]:
+def _column_compression(
+    D12: Matrix, error: type[SynthesisError], name: str, signal: str, remedy: str
+) -> tuple[Matrix, Matrix]:
     """Orthogonal T and invertible R with `T' D12 R = [0; I]`. Column scales are taken out before rank is judged."""
     rows, columns = D12.shape
     norms = np.linalg.norm(D12, axis=0)
-    help_ = "add a penalty on it to z" if name == "D12" else "add a noise on it to w"
     if rows < columns:
-        raise error(
-            f"{name} cannot have full rank: {columns} {signal}s, but only {rows} {'entries of z' if name == 'D12' else 'of w'}"
-        )
+        raise error(f"{name} cannot have full rank: {columns} {signal}s against {rows} signals; {remedy}")
     if (norms == 0).any():
-        raise error(f"{name}: {signal} {int(np.argmin(norms))} (counted from 0) has no direct term; {help_}")
+        raise error(f"{name}: {signal} {int(np.argmin(norms))} (counted from 0) has no direct term; {remedy}")
     U, s, Vt = np.linalg.svd(D12 / norms)
     if s[-1] <= RANK_TOLERANCE * s[0]:
-        raise error(
-            f"{name} has not full rank: singular values (scaled {signal}s) {np.array2string(s, precision=3)}; {help_}"
-        )
+        values = np.array2string(s, precision=3)
+        raise error(f"{name} does not have full rank: singular values {values} with {signal}s normalised; {remedy}")
     T = np.hstack([U[:, columns:], U[:, :columns]])
     return T, Vt.T / s / norms[:, None]
 
@@ -258,21 +258,21 @@ def unreachable_mode(A: Matrix, B: Matrix) -> complex | None:
 
 
 def _check_zeros(standard: _Standard) -> None:
-    """P12 and P21 without zeros on the imaginary axis: else a Riccati equation has no stabilising solution at any level."""
+    """P12 and P21 have no zeros on the imaginary axis: else a Riccati equation never has a stabilising solution."""
     A, B, C, D = standard.sys
-    m1, m2, p1, p2 = standard.dims
+    m1, _, p1, _ = standard.dims
     D12, D21 = D[:p1, m1:], D[p1:, :m1]
     frequency = _axis_zero(A - B[:, m1:] @ D12.T @ C[:p1], C[:p1] - D12 @ D12.T @ C[:p1])
     if frequency is not None:
         raise ImaginaryAxisZeroError(
-            f"P12 (from u to z) has a zero on the imaginary axis at {frequency:.4g} rad/s: z is blind to the plant there; "
-            "weight u or the plant's output at that frequency"
+            f"P12 (from u to z) has a zero on the imaginary axis at {frequency:.4g} rad/s: z is blind to the plant "
+            "there; weight u or the plant's output at that frequency"
         )
     frequency = _axis_zero((A - B[:, :m1] @ D21.T @ C[p1:]).T, (B[:, :m1] - B[:, :m1] @ D21.T @ D21).T)
     if frequency is not None:
         raise ImaginaryAxisZeroError(
-            f"P21 (from w to y) has a zero on the imaginary axis at {frequency:.4g} rad/s: w does not excite the plant there; "
-            "add a disturbance at the plant's input"
+            f"P21 (from w to y) has a zero on the imaginary axis at {frequency:.4g} rad/s: w does not excite the plant "
+            "there; add a disturbance at the plant's input"
         )
 
 
@@ -293,13 +293,13 @@ def _text(mode: complex) -> str:
     return f"{mode.real:.4g}" if mode.imag == 0 else f"{mode:.4g}"
 
 
-# --- one level -------------------------------------------------------------------------------------------------------------------
+# --- one level --------------------
 
 
 def _solve_level(standard: _Standard, gamma: float, *, refine: bool = False) -> _Level | None:
     """Riccati solutions X and Y at level gamma, or None where the level is infeasible (Zhou, theorem 17.1)."""
     A, B, C, D = standard.sys
-    m1, m2, p1, p2 = standard.dims
+    m1, _, p1, _ = standard.dims
     B1, C1 = B[:, :m1], C[:p1]
     Drow, Dcol = D[:p1], D[:, :m1]  # D1. and D.1
     R = Drow.T @ Drow
@@ -311,9 +311,9 @@ def _solve_level(standard: _Standard, gamma: float, *, refine: bool = False) -> 
         Y, Lt = _feedback(A.T, C.T, B1.T, Dcol.T, Rt, refine=refine)
     except (RiccatiError, np.linalg.LinAlgError):
         return None
-    if not (_nonnegative(X) and _nonnegative(Y) and _coupling(X, Y) < gamma**2):
+    if not (_nonnegative(A, B[:, m1:], C1, Drow[:, m1:], X) and _nonnegative(A.T, C[p1:].T, B1.T, Dcol[p1:].T, Y)):
         return None
-    return _Level(gamma, X, Y, F, Lt.T)
+    return _Level(gamma, X, Y, F, Lt.T) if _coupling(X, Y) < gamma**2 else None
 
 
 def _feedback(A: Matrix, B: Matrix, C1: Matrix, D1: Matrix, R: Matrix, *, refine: bool) -> tuple[Matrix, Matrix]:
@@ -327,12 +327,14 @@ def _feedback(A: Matrix, B: Matrix, C1: Matrix, D1: Matrix, R: Matrix, *, refine
     return X, -cross - Ri @ B.T @ X
 
 
-def _nonnegative(X: Matrix) -> bool:
-    if X.size == 0:
-        return True
-    diagonal = np.sqrt(np.maximum(np.diag(X), np.finfo(float).tiny))
-    values = np.linalg.eigvalsh(X / diagonal / diagonal[:, None]) if (np.diag(X) > 0).all() else np.linalg.eigvalsh(X)
-    return bool(values[0] >= -1e-7 * max(abs(values[-1]), 1e-300))
+def _nonnegative(A: Matrix, B2: Matrix, C1: Matrix, D12: Matrix, X: Matrix) -> bool:
+    """Whether `X >= 0`, asked in a way that rounding and units do not disturb (X may be zero, or span ten decades).
+
+    Without disturbance the worst-case control is `u = -(D12' C1 + B2' X) x`, and along the trajectories x' X x falls. As
+    X is the stabilising solution it is nonnegative exactly when this closed loop is stable.
+    """
+    closed = A - B2 @ (D12.T @ C1 + B2.T @ X)
+    return bool((np.linalg.eigvals(closed).real < 0).all())
 
 
 def _coupling(X: Matrix, Y: Matrix) -> float:
@@ -352,25 +354,43 @@ def _largest(matrix: Matrix) -> float:
 
 
 def _bisect(standard: _Standard, rtol: float, gamma_max: float) -> tuple[_Level, float]:
-    """Smallest feasible level within `rtol`, and the largest infeasible one below it."""
-    lower = _parrott_bound(standard)
-    gamma = max(2.0 * lower, 1.0)
-    best = _solve_level(standard, gamma)
-    while best is None:
-        lower = gamma
+    """Smallest feasible level within `rtol`, and the largest infeasible one below it.
+
+    In exact arithmetic every level above the optimum is feasible. Rounding can make one fail; the bisection then stops
+    too high, so a few levels below its end are tried again, and it goes on from the first that is feasible.
+    """
+    lowest = _parrott_bound(standard)
+    best, lower = _first_feasible(standard, lowest, gamma_max), lowest
+    while True:
+        best, lower = _narrow(standard, best, lower, rtol)
+        again = (
+            _solve_level(standard, best.gamma * factor) for factor in (0.97, 0.9, 0.7) if best.gamma * factor > lowest
+        )
+        found = next((level for level in again if level is not None), None)
+        if found is None or found.gamma <= FLOOR:
+            return best, lower
+        best, lower = found, lowest
+
+
+def _first_feasible(standard: _Standard, lowest: float, gamma_max: float) -> _Level:
+    gamma = max(2.0 * lowest, 1.0)
+    while gamma <= gamma_max:
+        level = _solve_level(standard, gamma)
+        if level is not None:
+            return level
         gamma *= 4.0
-        if gamma > gamma_max:
-            raise InfeasibleError(
-                f"no stabilising controller found with a norm below gamma_max = {gamma_max:.3g}; the Riccati equations have no "
-                "stabilising solution at any level tried, which points to weights of very different size or a zero near the axis"
-            )
-        best = _solve_level(standard, gamma)
-    floor = 1e-9 * best.gamma
-    while best.gamma - lower > rtol * best.gamma and best.gamma > floor:
-        middle = np.sqrt(max(lower, 1e-3 * best.gamma) * best.gamma)
-        level = _solve_level(standard, float(middle))
+    raise InfeasibleError(
+        f"no stabilising controller found with a norm below gamma_max = {gamma_max:.3g}: the Riccati equations have no "
+        "stabilising solution at any level tried; weights of very different size or a zero near the axis do this"
+    )
+
+
+def _narrow(standard: _Standard, best: _Level, lower: float, rtol: float) -> tuple[_Level, float]:
+    while best.gamma - lower > rtol * best.gamma and best.gamma > FLOOR:
+        middle = float(np.sqrt(max(lower, 1e-3 * best.gamma) * best.gamma))
+        level = _solve_level(standard, middle)
         if level is None:
-            lower = float(middle)
+            lower = middle
         else:
             best = level
     return best, lower
@@ -387,7 +407,7 @@ def _levels(standard: _Standard, best: _Level, backoff: float) -> Iterator[_Leve
         yield best
 
 
-# --- controller ------------------------------------------------------------------------------------------------------------------
+# --- controller --------------------
 
 
 def _controller(standard: _Standard, level: _Level) -> Abcd:

@@ -1,7 +1,8 @@
 """State-space realisations: conversion, stacking, interconnection.
 
-python-control's own arithmetic is sound but realises every operand anew; the functions here share states where blocks share them,
-which keeps the order of a generalised plant (and so of the controller that is designed from it) at what the physics needs.
+python-control's own arithmetic is sound but realises every operand anew; the functions here share states where blocks
+share them, which keeps the order of a generalised plant (and so of the controller that is designed from it) at what the
+physics needs.
 """
 
 from collections.abc import Sequence
@@ -191,7 +192,7 @@ def lft(P: Any, K: Any, nmeas: int, ncon: int) -> Abcd:
 
 
 def generalised_plant(blocks: Sequence[Sequence[Any]]) -> Abcd:
-    """Block matrix of transfer functions. Blocks of a row with equal (A, C) share states, rows with equal (A, B) do too.
+    """Block matrix of transfer functions; blocks of a row with equal (A, C) share states, rows with equal (A, B) too.
 
     `None` is not allowed as a block: write a zero matrix of the right shape, which costs no state.
     """

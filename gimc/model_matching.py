@@ -1,7 +1,8 @@
 """Model matching with a stable filter: fault isolation `min || [0 T] - H [Nd Nf] ||`, and `min || T1 - T2 Q T3 ||`.
 
-Both are solved through `hinfsyn` on a generalised plant whose lower right block is zero: the loop is then open, the plant stable, and
-internal stability means that the filter is stable. Each result comes with a lower bound that no filter, causal or not, can beat.
+Both are solved through `hinfsyn` on a generalised plant whose lower right block is zero: the loop is then open, the
+plant stable, and internal stability means that the filter is stable. Each result comes with a lower bound that no
+filter, causal or not, can beat.
 """
 
 from collections.abc import Callable
@@ -48,7 +49,7 @@ class Matching:
 
 
 def isolation_filter(Nd: Any, Nf: Any, T: Any, eps: ArrayLike, **options: Any) -> tuple[Any, float]:
-    """Stable H with the smallest norm of `[0 T 0] - H [Nd Nf eps I]`: residuals `r = H (Nd d + Nf f)` that follow `T f`.
+    """Stable H with the smallest norm of `[0 T 0] - H [Nd Nf eps I]`: residuals `H (Nd d + Nf f)` that follow `T f`.
 
     Parameters
     ----------
@@ -143,7 +144,7 @@ def model_matching(
 
 
 def regularise(P: Abcd, nmeas: int, ncon: int, *, rho: ArrayLike | None = None, eps: ArrayLike | None = None) -> Abcd:
-    """Generalised plant with a penalty row on u and a noise column on y added (outputs [z, rho u, y], inputs [w, noise, u])."""
+    """Generalised plant with penalties on u and noises on y added: outputs [z, rho u, y], inputs [w, eps noise, u]."""
     A, B, C, D = P
     p1, m1 = D.shape[0] - nmeas, D.shape[1] - ncon
     if rho is not None:
@@ -162,8 +163,9 @@ def matching_lower_bound(
 ) -> tuple[float, float]:
     """Largest over frequency of `min_Q || P11 + P12 Q P21 ||` for a free complex matrix Q: a bound for every filter.
 
-    At one frequency, Parrott's theorem gives the minimum exactly: the larger of the norms of P11 seen by the left null space of P12
-    and by the right null space of P21. Evaluated on a grid and refined around its maximum; every value is a valid bound.
+    At one frequency, Parrott's theorem gives the minimum exactly: the larger of the norms of P11 seen by the left null
+    space of P12 and by the right null space of P21. Evaluated on a grid and refined around its maximum; every value is
+    a valid bound.
 
     Returns
     -------

@@ -24,8 +24,8 @@ def is_stable(sys: object) -> bool:
 def frequency_response(sys: object, frequencies_rad_s: ArrayLike) -> Response:
     """`G(j w)` at every frequency, shape (number of frequencies, p, m).
 
-    Complex Schur form once, then back substitution for all frequencies at a time: unitary, hence accurate on stiff systems
-    where an eigenvector basis is not. Infinite frequencies give D.
+    Complex Schur form once, then back substitution for all frequencies at a time: unitary, hence accurate on stiff
+    systems where an eigenvector basis is not. Infinite frequencies give D.
     """
     A, B, C, D = balance_states(abcd(sys))
     w = np.atleast_1d(np.asarray(frequencies_rad_s, dtype=float))
@@ -60,9 +60,10 @@ def largest_singular_values(sys: object, frequencies_rad_s: ArrayLike) -> Matrix
 def hinf_norm(sys: object, *, rtol: float = 1e-6) -> tuple[float, float]:
     """H-infinity norm of a stable system, and the frequency where it is attained.
 
-    Two-step algorithm of Bruinsma and Steinbuch (Syst. Control Lett. 14, 1990) after Boyd, Balakrishnan, Kabamba (1989): the level
-    `gamma` is crossed at the imaginary eigenvalues of a Hamiltonian matrix, and the largest singular value between two crossings gives
-    the next level. Eigenvalues near the axis are taken as candidates generously, because a false one costs an evaluation only.
+    Two-step algorithm of Bruinsma and Steinbuch (Syst. Control Lett. 14, 1990) after Boyd, Balakrishnan, Kabamba
+    (1989): the level `gamma` is crossed at the imaginary eigenvalues of a Hamiltonian matrix, and the largest singular
+    value between two crossings gives the next level. Eigenvalues near the axis are taken as candidates generously,
+    because a false one costs an evaluation only.
 
     Parameters
     ----------
@@ -198,7 +199,7 @@ def _crossings(system: Abcd, gamma: float) -> Matrix:
 
 
 def _pencil_eigenvalues(A: Matrix, B: Matrix, C: Matrix, D: Matrix) -> tuple[NDArray[np.complex128], float]:
-    """Finite eigenvalues of the extended pencil for level 1: needs no inverse of `I - D'D`, which is nearly singular here."""
+    """Finite eigenvalues of the extended pencil for level 1; needs no inverse of `I - D'D`, nearly singular here."""
     n, m, p = A.shape[0], B.shape[1], C.shape[0]
     zeros = np.zeros
     matrix = np.block([

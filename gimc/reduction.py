@@ -74,8 +74,9 @@ def reduce_order(
 ) -> Reduction:
     """Balanced truncation or balanced residualisation by the square-root method.
 
-    Moore (IEEE TAC 26, 1981); square-root form of Tombs and Postlethwaite (Int. J. Control 46, 1987) on Gramian factors that are never
-    squared, so small Hankel values keep their digits; residualisation: Liu and Anderson (Int. J. Control 50, 1989).
+    Moore (IEEE TAC 26, 1981); square-root form of Tombs and Postlethwaite (Int. J. Control 46, 1987) on Gramian factors
+    that are never squared, so small Hankel values keep their digits; residualisation: Liu and Anderson (Int. J. Control
+    50, 1989).
 
     Parameters
     ----------
@@ -86,11 +87,12 @@ def reduce_order(
     order : int, optional
         Order wanted.
     keep_dc_gain : bool
-        Set the derivatives of the neglected states to zero (residualisation) instead of the states themselves: exact at DC.
+        Set the derivatives of the neglected states to zero (residualisation) instead of the states themselves: exact at
+        DC.
     input_scales, output_scales : array_like, shapes (m,) and (p,), optional
         Sizes of the signals in the caller's units. Error, bound, norm and Hankel values then belong to
-        `diag(1/output_scales) G diag(input_scales)`, in which mixed units count as they should; the system returned has the
-        caller's units.
+        `diag(1/output_scales) G diag(input_scales)`, in which mixed units count as they should; the system returned has
+        the caller's units.
 
     Raises
     ------
@@ -125,8 +127,8 @@ def hankel_values(sys: Any) -> Matrix:
 def minimal_realisation(sys: Any, *, rtol: float = 1e-9) -> Any:
     """Without states that the inputs do not reach or the outputs do not see; unstable systems too.
 
-    Orthogonal staircase reduction (Van Dooren, IEEE TAC 26, 1981) of the state-balanced system with normalised signals, so that the
-    rank decisions do not depend on the caller's units.
+    Orthogonal staircase reduction (Van Dooren, IEEE TAC 26, 1981) of the state-balanced system with normalised signals,
+    so that the rank decisions do not depend on the caller's units.
 
     Parameters
     ----------

@@ -7,7 +7,6 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from gimc.coprime import filter_gain
 from gimc.errors import NotDetectableError, RiccatiError
 from gimc.hinfsyn import unreachable_mode
 from gimc.interconnect import Abcd, Matrix, Response, abcd
@@ -49,10 +48,10 @@ def discretise(sys: Any, sample_time_s: float, method: Method = "foh", *, balanc
     sys : control.StateSpace
     sample_time_s : float
     method : {"zoh", "foh", "tustin"}
-        "zoh": exact when the input is held between samples (a plant behind a digital controller); delays by half a sample.
-        "foh": exact when the input is straight between samples (triangle hold; Franklin, Powell, Workman 1998, section 6.3.2); no
-        delay, poles mapped exactly: for filters. "tustin": trapezoidal rule; warps frequency, and poles faster than the sampling
-        rate alternate in sign.
+        "zoh": exact when the input is held between samples (a plant behind a digital controller); delays by half a
+        sample. "foh": exact when the input is straight between samples (triangle hold; Franklin, Powell, Workman 1998,
+        section 6.3.2); no delay, poles mapped exactly: for filters. "tustin": trapezoidal rule; warps frequency, and
+        poles faster than the sampling rate alternate in sign.
 
     balance : bool
         Scale the states to even size first; inputs and outputs keep the caller's units either way.
@@ -79,7 +78,7 @@ def discretise(sys: Any, sample_time_s: float, method: Method = "foh", *, balanc
 
 
 def sampling_error(sys: Any, sampled: Sampled, *, fraction: float = 0.1, points: int = 200) -> float:
-    """Largest difference of the two frequency responses up to `fraction` of the sampling rate, relative to the largest gain there.
+    """Largest difference of the frequency responses up to `fraction` of the sampling rate, over the largest gain there.
 
     Parameters
     ----------
@@ -147,8 +146,8 @@ class SampledFilter:
 class ObserverDesign:
     """Left coprime factors of the sampled plant.
 
-    `M = (A+LC, L, C, I)`, `N = (A+LC, B, C, 0)` in discrete time, with A, B the exact zero-order-hold samples: the innovation
-    `f_e = N u - M y` of a fault-free linear plant under held inputs is zero at every sampling instant.
+    `M = (A+LC, L, C, I)`, `N = (A+LC, B, C, 0)` in discrete time, with A, B the exact zero-order-hold samples: the
+    innovation `f_e = N u - M y` of a fault-free linear plant under held inputs is zero at every sampling instant.
 
     Attributes
     ----------
@@ -178,8 +177,8 @@ def sampled_observer(
     process : array_like, shape (n, n), optional
         Intensity of the continuous noise on the states; default `B B'`. Sampled exactly (Van Loan, IEEE TAC 23, 1978).
     measurement : array_like, shape (p, p) or (p,), optional
-        Intensity of the continuous measurement noise; default the identity. Its variance at one sample is this over `sample_time_s`,
-        so that one continuous design serves every sample time.
+        Intensity of the continuous measurement noise; default the identity. Its variance at one sample is this over
+        `sample_time_s`, so that one continuous design serves every sample time.
 
     Raises
     ------
@@ -226,9 +225,8 @@ class SampledObserver:
     ----------
     design : ObserverDesign
 
-    Notes
-    -----
-    A tick is `innovate(y)` and, once the command is known, `advance(u)`: the innovation at tick k uses commands up to k-1 only.
+    Notes ----- A tick is `innovate(y)` and, once the command is known, `advance(u)`: the innovation at tick k uses
+    commands up to k-1 only.
     """
 
     def __init__(self, design: ObserverDesign) -> None:
@@ -251,7 +249,7 @@ class SampledObserver:
         return self._state * self._scales
 
     def innovate(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Innovation (p,) for the measurement y (p,) of this tick. The array returned is overwritten by the next call."""
+        """Innovation (p,) for measurement y (p,) of this tick. The array returned is overwritten by the next call."""
         np.dot(self._C, self._state, out=self._innovation)
         self._innovation -= y
         return self._innovation

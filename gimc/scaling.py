@@ -8,7 +8,8 @@ from gimc.interconnect import Abcd, Matrix
 def balancing_scales(A: Matrix, B: Matrix, C: Matrix, *, sweeps: int = 20) -> Matrix:
     """Scales d (n,) with `x = d * x_scaled` that reduce the 1-norm of `[[A, B], [C, 0]]`.
 
-    The restriction of Osborne's balancing to the state (as SLICOT's TB01ID): each sweep makes row and column of a state equally large.
+    The restriction of Osborne's balancing to the state (as SLICOT's TB01ID): each sweep makes row and column of a state
+    equally large.
     """
     n = A.shape[0]
     d = np.ones(n)
