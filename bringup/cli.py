@@ -6,6 +6,7 @@ by the command that needs them, so that help comes at once.
 
 import difflib
 import json
+import math
 import os
 import signal
 import sys
@@ -50,17 +51,23 @@ class _Group(click.Group):
         return super().resolve_command(ctx, args)
 
 
-@click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+def _examples(*lines: str) -> str:
+    """Give the end of a help text: examples, which click must not fill into a paragraph."""
+    return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in lines)
+
+
+@click.group(
+    epilog=_examples(
+        "acftc scenarios                                what can be run",
+        "acftc run actuator_fault --out results/e5      all nodes, a bag, a summary and a report",
+        "acftc simulate sensor_fault --out results/e6   the same loop in one process, without ROS",
+    ),
+    cls=_Group,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+)
 @click.version_option(package_name="acftc", prog_name="acftc")
 def cli() -> None:
-    r"""Fault-tolerant control of a vapour-compression air conditioner on ROS 2.
-
-    \b
-    First steps:
-      acftc scenarios                                   what can be run
-      acftc run actuator_fault --out results/e5         all nodes, a bag, a summary and a report
-      acftc simulate sensor_fault --out results/e6      the same loop in one process, without ROS
-    """
+    """Fault-tolerant control of a vapour-compression air conditioner on ROS 2."""
 
 
 # ------------------------------------------------------------------------------------------- shared options
@@ -84,7 +91,14 @@ _force_option = click.option("--force", is_flag=True, help="Overwrite the record
 _json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
 
 
-@cli.command(short_help="Run a scenario with all nodes: bag, summary, report.")
+@cli.command(
+    epilog=_examples(
+        "acftc run actuator_fault --out results/e5",
+        "acftc run sensor_fault --passive --set faults.0.size_kpa=3 --out results/weak",
+        "acftc run my_scenario.yaml --mode realtime",
+    ),
+    short_help="Run a scenario with all nodes: bag, summary, report.",
+)
 @_scenario_argument
 @_out_option
 @click.option(
@@ -107,16 +121,10 @@ def run(
     force: bool,
     as_json: bool,
 ) -> None:
-    r"""Run SCENARIO with every node as a process of its own, record it, and write summary and report.
+    """Run SCENARIO with every node as a process of its own, record it, and write summary and report.
 
     SCENARIO is a built-in name (acftc scenarios) or the path of a YAML file. DIR gets bag/ (a ROS 2 bag),
     summary.json and report.html.
-
-    \b
-    Examples:
-      acftc run actuator_fault --out results/e5
-      acftc run sensor_fault --passive --set faults.0.size_kpa=3 --out results/weak
-      acftc run my_scenario.yaml --mode realtime
     """
     chosen = _load(scenario, overrides, passive)
     folder = _prepare(out or Path("results") / chosen.name, force)
@@ -134,7 +142,13 @@ def run(
     _finish(read_bag(folder / "bag"), folder, as_json)
 
 
-@cli.command(short_help="Run a scenario in one process, without ROS.")
+@cli.command(
+    epilog=_examples(
+        "acftc simulate sensor_fault --out results/e6",
+        "acftc simulate actuator_fault --set operating_point=high --json",
+    ),
+    short_help="Run a scenario in one process, without ROS.",
+)
 @_scenario_argument
 @_out_option
 @_passive_option
@@ -144,13 +158,7 @@ def run(
 def simulate(
     scenario: str, out: Path | None, passive: bool, overrides: tuple[str, ...], force: bool, as_json: bool
 ) -> None:
-    r"""Run SCENARIO in one process without ROS: the same step functions, the same summary and report.
-
-    \b
-    Examples:
-      acftc simulate sensor_fault --out results/e6
-      acftc simulate actuator_fault --set operating_point=high --json
-    """
+    """Run SCENARIO in one process without ROS: the same step functions, the same summary and report."""
     from bringup.loop import simulate as simulate_loop
 
     chosen = _load(scenario, overrides, passive)
@@ -160,15 +168,10 @@ def simulate(
     _finish(recording, folder, as_json)
 
 
-@cli.command()
+@cli.command(epilog=_examples("acftc scenarios"))
 @_json_option
 def scenarios(as_json: bool) -> None:
-    r"""List the built-in scenarios.
-
-    \b
-    Example:
-      acftc scenarios
-    """
+    """List the built-in scenarios."""
     from bringup.scenario import built_in_scenarios, load
 
     known = {name: load(name) for name in built_in_scenarios()}
@@ -179,7 +182,9 @@ def scenarios(as_json: bool) -> None:
     _table(["scenario", "duration", "what happens"], rows)
 
 
-@cli.command(short_help="Write the report of a recorded run.")
+@cli.command(
+    epilog=_examples("acftc report results/e5/bag --out e5.html"), short_help="Write the report of a recorded run."
+)
 @click.argument("bag", type=click.Path(path_type=Path))
 @click.option("--out", metavar="FILE", type=click.Path(path_type=Path), help="Default: report.html beside the bag.")
 @click.option(
@@ -189,12 +194,7 @@ def scenarios(as_json: bool) -> None:
     help="A passive (or active) run to draw beside this one. Default: a simulation of the same scenario.",
 )
 def report(bag: Path, out: Path | None, beside: Path | None) -> None:
-    r"""Write the report of a recorded run, also of one that was cut short.
-
-    \b
-    Example:
-      acftc report results/e5/bag --out e5.html
-    """
+    """Write the report of a recorded run, also of one that was cut short."""
     from bringup.bag import read_bag
     from bringup.report import write_report
 
@@ -204,6 +204,126 @@ def report(bag: Path, out: Path | None, beside: Path | None) -> None:
     _make_folder(target.resolve().parent)
     write_report(target, recording, other, note)
     _say(f"wrote {target}")
+
+
+@cli.command(
+    epilog=_examples("acftc replay results/e5/bag --node fdi"), short_help="Feed a bag through one node again."
+)
+@click.argument("bag", type=click.Path(path_type=Path))
+@click.option("--node", required=True, metavar="NAME", help="fdi, compensator, gimc_controller, ac_plant, ...")
+@_json_option
+def replay(bag: Path, node: str, as_json: bool) -> None:
+    """Feed a bag's inputs through the real node again, over DDS, and compare its answers with the recorded ones.
+
+    Exit code 1 when they differ by more than the rounding of another processor.
+    """
+    from bringup.replay import replay as replay_node
+
+    with _progress(f"replay of {node}") as progress:
+        result = replay_node(bag, node, progress)
+    if as_json:
+        _print_json(
+            {
+                "node": result.node,
+                "ticks": result.ticks,
+                "compared": result.compared,
+                "identical": result.identical,
+                "different": result.different,
+                "largest_relative_difference": result.largest_relative_difference,
+                "same": result.same,
+            }
+        )
+    else:
+        click.echo(
+            f"{result.node}: {result.ticks} ticks, {result.compared} messages compared, {result.identical} of them "
+            f"identical; largest relative difference {result.largest_relative_difference:.3g}"
+        )
+    if not result.same:
+        for line in result.differences:
+            _say(one_line(line))
+        msg = f"{node}: {result.different} of {result.compared} messages differ from the recorded ones"
+        raise RunError(msg)
+
+
+@cli.command(epilog=_examples("acftc design --point med"))
+@click.option("--point", type=click.Choice(["low", "med", "high"]), help="Only this operating point. Default: all.")
+@_json_option
+def design(point: str | None, as_json: bool) -> None:
+    """Show every synthesis: claimed and achieved norm, bound, order, regularisation, stability, time.
+
+    What has been designed before comes from the cache; a changed parameter designs anew.
+    """
+    from dataclasses import asdict
+
+    from bringup.design import all_blocks
+
+    points = [point] if point else ["low", "med", "high"]
+    blocks = {name: [asdict(block) for block in all_blocks(name)] for name in points}
+    if as_json:
+        _print_json(_without_nan(blocks))
+        return
+    heads = [
+        "point",
+        "block",
+        "claimed",
+        "achieved",
+        "reduced",
+        "bound",
+        "order",
+        "slowest pole",
+        "time",
+        "regularisation",
+    ]
+    rows = [
+        [
+            name,
+            block["block"],
+            _figure(block["claimed"]),
+            _figure(block["achieved"]),
+            _figure(block["achieved_reduced"]),
+            _figure(block["lower_bound"]),
+            f"{block['order']} → {block['order_reduced']}",
+            f"{_figure(block['slowest_pole_rad_s'])} rad/s",
+            f"{block['seconds']:.1f} s",
+            block["regularisation"],
+        ]
+        for name in points
+        for block in blocks[name]
+    ]
+    _table(heads, rows)
+
+
+@cli.command(
+    epilog=_examples("acftc reproduce --out results/paper --cycle sc03.csv"),
+    short_help="Run the paper's experiments E1-E8.",
+)
+@click.option("--out", metavar="DIR", type=click.Path(path_type=Path), default=Path("results/paper"), show_default=True)
+@click.option(
+    "--cycle",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Drive cycle for E8, CSV or EPA's two-column text; without it E8 is left out.",
+)
+def reproduce(out: Path, cycle: Path | None) -> None:
+    """Run the paper's experiments E1-E8 in simulation and judge our numbers against the paper's.
+
+    DIR gets a picture for each (e1.svg ... e8.svg), paper.json and index.html.
+    """
+    _make_folder(out)
+    from bringup.reproduce import reproduce as run_experiments
+
+    experiments = run_experiments(out, cycle, _say)
+    rows = []
+    for experiment in experiments:
+        rows.append([experiment.id, experiment.title, "", "", experiment.verdict])
+        for item in experiment.findings:
+            ours, paper = f"{_figure(item.ours)} {item.unit}", _figure(item.paper)
+            rows.append(["", item.quantity, paper, ours, item.verdict])
+    _table(["", "experiment", "paper", "ours", "verdict"], rows)
+    for experiment in experiments:
+        if not experiment.findings:
+            _say(f"{experiment.id}: {experiment.remark}")
+    _say(f"wrote {out / 'paper.json'} and {out / 'index.html'}")
 
 
 # ---------------------------------------------------------------------------------------------- what they share
@@ -292,6 +412,20 @@ def _print_summary(summary: dict[str, Any]) -> None:
         rows.append([name.replace("_", " "), "–" if value is None else f"{value:.3f} {units[unit]}"])
     kind = "passive" if summary["passive"] else "active"
     _table([summary["scenario"], f"{summary['mode']}, {kind}"], rows)
+
+
+def _figure(value: float | None) -> str:
+    """Four digits, or a dash where there is no number."""
+    return "–" if value is None or not math.isfinite(value) else f"{value:.4g}"
+
+
+def _without_nan(value: Any) -> Any:
+    """Put None where JSON has no number."""
+    if isinstance(value, dict):
+        return {key: _without_nan(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _speed(summary: dict[str, Any]) -> str:

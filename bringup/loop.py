@@ -6,6 +6,8 @@ graph of processes calls exactly these functions in this order, so both give the
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +17,43 @@ from bringup.recording import Recording, StatusRow
 from bringup.scenario import Scenario, program
 from bringup.topics import SERIES
 
+if TYPE_CHECKING:
+    from fdi_node import FdiDesign
+    from gimc_controller_node import CompensatorDesign, ControllerDesign
+
 Progress = Callable[[int, int], None]
 
 #: Ticks between two calls of the progress function.
 PROGRESS_EVERY = 200
 
 
-def simulate(scenario: Scenario, passive: bool | None = None, progress: Progress | None = None) -> Recording:
+@dataclass(frozen=True)
+class Designs:
+    """The three designs that the loop runs; replace one to try another detector, controller or compensator."""
+
+    fdi: "FdiDesign"
+    controller: "ControllerDesign"
+    compensator: "CompensatorDesign"
+
+
+def designs_at(point: str, sample_time_s: float) -> Designs:
+    """Designs of an operating point, "low", "med" or "high", from the cache when they are there."""
+    import fdi_node
+    import gimc_controller_node
+
+    return Designs(
+        fdi=fdi_node.design(point, sample_time_s),
+        controller=gimc_controller_node.design_controller(point, sample_time_s),
+        compensator=gimc_controller_node.design_compensator(point, sample_time_s),
+    )
+
+
+def simulate(
+    scenario: Scenario,
+    passive: bool | None = None,
+    progress: Progress | None = None,
+    designs: Designs | None = None,
+) -> Recording:
     """Run `scenario` on the nonlinear plant.
 
     Parameters
@@ -32,6 +64,8 @@ def simulate(scenario: Scenario, passive: bool | None = None, progress: Progress
         True: K0 alone, the compensator stays silent. None: as the scenario says.
     progress
         Called now and then with the ticks done and the ticks in all.
+    designs
+        What to run instead of the designs of the scenario's operating point.
 
     Returns
     -------
@@ -44,8 +78,6 @@ def simulate(scenario: Scenario, passive: bool | None = None, progress: Progress
         When the plant leaves the domain of its model.
     """
     # Imported here: these compile or load designs, and the command line must answer --help at once.
-    import fdi_node
-    import gimc_controller_node
     from ac_plant_node import Plant, operating_point
     from fault_injector_node.injector import FaultInjector
     from fdi_node import FaultDetector
@@ -57,9 +89,10 @@ def simulate(scenario: Scenario, passive: bool | None = None, progress: Progress
     plan = program(scenario, rest.inputs, rest.outputs)
     plant = Plant.at(point)
     injector = FaultInjector(scenario.noise.std, scenario.noise.seed)
-    detector = FaultDetector(fdi_node.design(point, sample_time_s))
-    compensator = Compensator(gimc_controller_node.design_compensator(point, sample_time_s), accommodate=not passive)
-    controller = Controller(gimc_controller_node.design_controller(point, sample_time_s))
+    designs = designs_at(point, sample_time_s) if designs is None else designs
+    detector = FaultDetector(designs.fdi)
+    compensator = Compensator(designs.compensator, accommodate=not passive)
+    controller = Controller(designs.controller)
 
     log = {key: np.empty((ticks, width)) for key, width in _WIDTHS.items()}
     status: list[StatusRow] = []
