@@ -5,8 +5,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
+from rclpy.context import Context
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.signals import SignalHandlerGuardCondition
 from rclpy.subscription import Subscription
-from rclpy.waitable import NumberOfEntities, Waitable
 
 from bringup.messages import BadMessage, Values, reader, stamp_ns
 from bringup.topics import Topic
@@ -66,26 +68,47 @@ class Gate(CallbackGroup):  # type: ignore[misc]
         """Nothing to do after a callback."""
 
 
-class Subscriptions(Waitable):  # type: ignore[misc]
-    """Many subscriptions as one thing that the executor waits for.
+class Subscriptions:
+    """The loop's subscriptions of a node, waited for and taken from without rclpy's executor.
 
-    rclpy's executor makes a task for every message and rebuilds its wait set after it, which costs more than the
-    loop's mathematics. Here one wake takes all messages that have arrived: `act` gets them as (number, message).
+    The executor makes a task for every message and rebuilds a wait set with all services, timers and events twice for
+    each, which costs more than all of the loop's mathematics. Here the wait set holds these subscriptions and nothing
+    else, and one wake takes whatever has arrived: `act` gets it as a list of (number, message).
     """
 
-    def __init__(self, group: Gate, raw: bool, act: Callable[[list[tuple[int, Any]]], None]) -> None:
-        super().__init__(group)
+    def __init__(self, context: Context, raw: bool, act: Callable[[list[tuple[int, Any]]], None]) -> None:
+        self._context = context
         self._raw = raw
         self._act = act
         self._sources: list[tuple[int, Any, Any]] = []
-        self._indices: list[int] = []
+        self._wait_set: Any = None
+        self._signals = SignalHandlerGuardCondition(context=context)
 
     def add(self, subscription: Subscription) -> int:
-        """Take part in the wait with `subscription`; its number."""
+        """Take from `subscription`, too; its number."""
         self._sources.append((len(self._sources), subscription.handle, subscription.msg_type))
+        self._wait_set = None
         return len(self._sources) - 1
 
-    def take_data(self) -> list[tuple[int, Any]]:
+    def wait(self, timeout_s: float) -> None:
+        """Wait until something arrives, a signal comes or the time is over, and act on what is there."""
+        if self._wait_set is None:
+            self._wait_set = _rclpy.WaitSet(len(self._sources), 1, 0, 0, 0, 0, self._context.handle)
+        wait_set = self._wait_set
+        wait_set.clear_entities()
+        for _, handle, _ in self._sources:
+            wait_set.add_subscription(handle)
+        wait_set.add_guard_condition(self._signals.handle)
+        wait_set.wait(max(int(timeout_s * 1e9), 0))
+        self.take()
+
+    def take(self) -> None:
+        """Act on all messages that are there."""
+        messages = self.arrived()
+        if messages:
+            self._act(messages)
+
+    def arrived(self) -> list[tuple[int, Any]]:
         """All messages that are there, each with the number of its subscription."""
         messages = []
         raw = self._raw
@@ -93,22 +116,6 @@ class Subscriptions(Waitable):  # type: ignore[misc]
             while (taken := handle.take_message(type_, raw)) is not None:
                 messages.append((number, taken[0]))
         return messages
-
-    async def execute(self, messages: list[tuple[int, Any]]) -> None:
-        """Hand the messages on."""
-        self._act(messages)
-
-    def get_num_entities(self) -> NumberOfEntities:
-        """How many subscriptions the executor must make room for."""
-        return NumberOfEntities(num_subs=len(self._sources))
-
-    def add_to_wait_set(self, wait_set: Any) -> None:
-        """Put all subscriptions into the executor's wait set."""
-        self._indices = [wait_set.add_subscription(handle) for _, handle, _ in self._sources]
-
-    def is_ready(self, wait_set: Any) -> bool:
-        """Whether anything has arrived."""
-        return any(wait_set.is_ready("subscription", index) for index in self._indices)
 
 
 class LoopInputs:

@@ -4,6 +4,7 @@ A node is a thin shell around pure step functions: it names its parameters, buil
 says with `on_tick` which topics make up a tick's input and what to do then.
 """
 
+import ctypes
 import gc
 import math
 import sys
@@ -24,6 +25,7 @@ from rclpy.exceptions import (
     ParameterException,
 )
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -40,6 +42,12 @@ DEPTH = 1000
 DEADLINE_S = 1.0
 #: Time between two health reports.
 HEALTH_PERIOD_S = 1.0
+#: Services, timers and events get their turn so often while the loop runs.
+OTHERS_PERIOD_S = 0.02
+#: How long their turn may take; a deadline that is nearer comes first.
+OTHERS_TAKE_S = 0.003
+#: The last bit of the time to a deadline is slept through on a timer that is more exact than the middleware's.
+DEADLINE_MARGIN_S = 0.0005
 
 LOOP_QOS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
@@ -125,16 +133,15 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         super().__init__(name)
         self.problem = ""  # why the last transition failed
         self.health = Health()
-        self.exit_code: int | None = None  # a node that sets it ends with it
         self._parameters_ = {p.name: p for p in (AUTOSTART, *parameters)}
         self.add_on_set_parameters_callback(self._check_choices)
         for parameter in self._parameters_.values():
             self.declare_parameter(parameter.name, parameter.default, parameter.descriptor())
         self._setup = Gate(is_open=True)  # events that matter until the loop runs
-        self._running = Gate(is_open=False)
+        self.running = False
+        self.deadline_s = math.inf  # monotonic time at which `on_deadline` is due
         self.inputs = LoopInputs(self._reject)
-        self.subscriptions_ = Subscriptions(self._running, False, self.inputs.take)
-        self.add_waitable(self.subscriptions_)
+        self.loop_subscriptions = Subscriptions(self.context, False, self.inputs.take)
         self._senders: dict[str, tuple[Publisher, Any, Callable[[Sequence[float]], None]]] = {}
         self._diagnostics = self._publisher(DiagnosticArray, "/diagnostics", PLAIN_QOS)
         self._health_timer = self.create_timer(HEALTH_PERIOD_S, self.report_health)
@@ -150,6 +157,23 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
     def stopped(self) -> None:
         """Stop: the node has just become inactive."""
 
+    def on_deadline(self) -> None:
+        """Do what `deadline_s` was set for."""
+
+    def work(self, executor: SingleThreadedExecutor) -> None:
+        """Do some of the node's work: the loop's messages while it is active, and everything else now and then."""
+        if not self.running:
+            executor.spin_once()
+            return
+        others_due_s = time.monotonic() + OTHERS_PERIOD_S
+        while self.running and rclpy.ok() and (now := time.monotonic()) < others_due_s:
+            if self.deadline_s - now < DEADLINE_MARGIN_S:
+                sleep_until(self.deadline_s)
+                self.on_deadline()
+            self.loop_subscriptions.wait(min(others_due_s, self.deadline_s - DEADLINE_MARGIN_S) - now)
+        if self.deadline_s - time.monotonic() > OTHERS_TAKE_S:
+            executor.spin_once(timeout_sec=0.0)
+
     def health_values(self) -> dict[str, str]:
         """Further figures for /diagnostics."""
         return {}
@@ -163,7 +187,7 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         tick_set = TickSet(tuple(BY_NAME[name] for name in topics), self._timed(act))
         self.inputs.add(tick_set)
         for topic in tick_set.topics:
-            self.subscriptions_.add(self.subscribe(topic.type, topic.name, LOOP_QOS))
+            self.loop_subscriptions.add(self.subscribe(topic.type, topic.name, LOOP_QOS))
 
     def subscribe(self, type_name: str, name: str, qos: QoSProfile, raw: bool = False) -> Subscription:
         """Create a subscription that the executor leaves alone, for `Subscriptions` to take from."""
@@ -204,9 +228,9 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
             work()
         except Exception as problem:
             self.problem = _one_line(problem)
-            print(f"{self.get_name()}: {self.problem}", file=sys.stderr, flush=True)
             if not isinstance(problem, ValueError):
                 traceback.print_exc()
+            print(f"{self.get_name()}: {self.problem}", file=sys.stderr, flush=True)
             return TransitionCallbackReturn.FAILURE
         return inherited(state)
 
@@ -219,10 +243,10 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         self.create_timer_once(self.report_health)
 
     def _start(self) -> None:
-        self.subscriptions_.take_data()  # whatever came before is of no use now
+        self.loop_subscriptions.arrived()  # whatever came before is of no use now
         self.inputs.clear()
         self._setup.is_open = False
-        self._running.is_open = True
+        self.running = True
         # What exists now lives as long as the node; the collector need not walk through it in a tick.
         gc.collect()
         gc.freeze()
@@ -231,7 +255,7 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         self.create_timer_once(self.report_health)
 
     def _stop(self) -> None:
-        self._running.is_open = False
+        self.running = False
         self._setup.is_open = True
         gc.enable()
         self.stopped()
@@ -309,24 +333,48 @@ def run_node(make: Callable[[], NodeShell]) -> int:
             for trigger in (node.trigger_configure, node.trigger_activate):
                 if trigger() != TransitionCallbackReturn.SUCCESS:
                     return 1
-        while rclpy.ok() and node.exit_code is None:
-            executor.spin_once()
-        return node.exit_code or 0
+        while rclpy.ok():
+            node.work(executor)
+        return 0
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
+    except _rclpy.RCLError as problem:
+        if not rclpy.ok():
+            return 0  # told to end in the middle of a call into the middleware
+        return _report(node, problem)
     except (InvalidParameterValueException, InvalidParameterTypeException, ParameterException) as problem:
         print(f"{_program()}: {_one_line(problem)}", file=sys.stderr, flush=True)
         return 1
     except Exception as problem:
-        print(f"{node.get_name() if node else _program()}: {_one_line(problem)}", file=sys.stderr, flush=True)
-        if not isinstance(problem, ValueError):
-            traceback.print_exc()
-        return 1
+        return _report(node, problem)
     finally:
         if node is not None:
             node.stopped()
             node.destroy_node()
         rclpy.try_shutdown()
+
+
+def sleep_until(monotonic_s: float) -> None:
+    """Sleep until an absolute time of the monotonic clock, which no delay on the way there can shift."""
+    seconds = int(monotonic_s)
+    time_ = _Timespec(seconds, int((monotonic_s - seconds) * 1e9))
+    _LIBC.clock_nanosleep(time.CLOCK_MONOTONIC, _TIMER_ABSTIME, ctypes.byref(time_), None)
+
+
+def _report(node: NodeShell | None, problem: Exception) -> int:
+    """Say why the node ends: the traceback for us, then one line for the user."""
+    if not isinstance(problem, ValueError):
+        traceback.print_exc()
+    print(f"{node.get_name() if node else _program()}: {_one_line(problem)}", file=sys.stderr, flush=True)
+    return 1
+
+
+class _Timespec(ctypes.Structure):
+    _fields_ = (("tv_sec", ctypes.c_long), ("tv_nsec", ctypes.c_long))
+
+
+_LIBC = ctypes.CDLL(None, use_errno=True)
+_TIMER_ABSTIME = 1
 
 
 def _nothing(message: Any) -> None:

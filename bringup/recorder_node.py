@@ -6,7 +6,9 @@ import time
 from pathlib import Path
 from typing import Any
 
+import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import deserialize_message
 
 from bringup.inputs import Subscriptions
@@ -14,6 +16,9 @@ from bringup.messages import stamp_of_cdr
 from bringup.node_shell import DEADLINE_S, DEPTH, LOOP_QOS, PLAIN_QOS, NodeShell, Parameter, run_node
 from bringup.recorder import BagWriter, RecordedTopic
 from bringup.topics import CLOCK, DIAGNOSTICS, PLANT, RECORDER, TOPICS
+
+#: Far below what the middleware keeps for a slow reader, and below the bag's flush period.
+TAKE_PERIOD_S = 0.02
 
 PARAMETERS = (
     Parameter("folder", "bag", "folder of the bag; must not hold one yet"),
@@ -48,17 +53,18 @@ class RecorderNode(NodeShell):
         self._names = [topic.name for topic in topics]
         self._last_ns = 0
         self._bag = BagWriter(Path(self.value("folder")), topics, json.loads(self.value("run")))
-        self._raw = Subscriptions(self._running, True, self._write)
+        self._raw = Subscriptions(self.context, True, self._write)
         for topic in topics:
             qos = LOOP_QOS if topic.deadline_s else PLAIN_QOS
             self._raw.add(self.subscribe(topic.type, topic.name, qos, raw=True))
-        self.add_waitable(self._raw)
 
-    def started(self) -> None:
-        """Keep the file fresh also while nothing comes in."""
-        self._flush_timer = self.create_timer(0.1, self._flush)
-
-    def _flush(self) -> None:
+    def work(self, executor: SingleThreadedExecutor) -> None:
+        """Take what has piled up now and then: waking for every single message would cost more than writing it."""
+        if not self.running:
+            executor.spin_once()
+            return
+        executor.spin_once(timeout_sec=TAKE_PERIOD_S)
+        self._raw.take()
         if self._bag is not None:
             self._bag.flush_if_due()
 
@@ -77,7 +83,6 @@ class RecorderNode(NodeShell):
                 self._last_ns = stamp
             bag.write(number, data, now_ns or stamp, stamp)
         self.health.ticks = bag.counts[0]
-        bag.flush_if_due()
         if self._plant_finished and not self._complete and not self.missing():
             self._complete = True
             self.create_timer_once(self.report_health)
@@ -106,11 +111,9 @@ class RecorderNode(NodeShell):
         """Make the bag complete."""
         if self._bag is None:
             return
+        if rclpy.ok():
+            self._raw.take()  # what was still on its way
         bag, self._bag = self._bag, None
-        self._running.is_open = True
-        self._bag = bag
-        self._write(self._raw.take_data())  # what was still on its way
-        self._bag = None
         bag.close()
 
     def health_values(self) -> dict[str, Any]:
