@@ -1,0 +1,150 @@
+"""Inverse calibration: the maps of compressor and valve that make the paper's Table I exact equilibria.
+
+At each operating point the evaporator pressure and the superheat are given, so the enthalpy at the evaporator's outlet
+is. The remaining states are solved for together with the volumetric efficiency and the valve area that hold the point
+at rest with the given charge; three points then fix the two three-coefficient maps
+
+``eta_v = a + b (p_c/p_e - 4) + c (1 - 1000 rpm / N)`` and ``A_v = a_0 + a_1 u + a_2 u^2``.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq, root
+
+from ac_plant_node import model
+from ac_plant_node.lookup import saturation, vapour
+from ac_plant_node.parameters import Parameters, load_parameters
+from ac_plant_node.tables import Tables, load_tables
+
+RPM = 2.0 * np.pi / 60.0
+"""rad/s in one rpm."""
+
+
+@dataclass(frozen=True)
+class TableRow:
+    """One row of the paper's Table I."""
+
+    name: str
+    air_inlet_temperature_c: float
+    compressor_speed_rpm: float
+    valve_opening_percent: float
+    evaporator_pressure_kpa: float
+    superheat_k: float = 20.0
+
+
+TABLE_I = (
+    TableRow("low", 25.0, 450.0, 25.0, 302.2),
+    TableRow("med", 30.0, 1000.0, 40.0, 251.2),
+    TableRow("high", 40.0, 2500.0, 55.0, 204.6),
+)
+"""The paper's three operating points: evaporator air inlet, inputs, and the equilibrium they lead to."""
+
+
+@dataclass(frozen=True)
+class CalibratedPoint:
+    """What the inverse calibration found at one point: state x, volumetric efficiency, valve area."""
+
+    row: TableRow
+    state: NDArray[np.float64]
+    eta_v: float
+    valve_area_m2: float
+
+
+def superheated_enthalpy(tab: Tables, p: float, superheat_k: float) -> float:
+    """Vapour enthalpy (J/kg) at pressure `p` and `superheat_k` above saturation, from the tables."""
+    sat = saturation(tab, p)
+    return float(brentq(lambda h: vapour(tab, p, sat[14], h, sat[2], sat[9])[3] - sat[0] - superheat_k,
+                        sat[2], sat[2] + 190.0e3, xtol=1e-9, rtol=1e-15))  # fmt: skip
+
+
+def starting_state(tab: Tables, pe: float, h_e2: float, pc: float, air_c: float) -> NDArray[np.float64]:
+    """A plausible state x with five zones, to start a solver from."""
+    te, tc = saturation(tab, pe)[0], saturation(tab, pc)[0]
+    h_f = saturation(tab, pc)[1]
+    wall_1, wall_2 = te + 3.0, 0.5 * (te + 3.0 + air_c + 273.15)
+    return np.array([0.85, pe, h_e2, wall_1, wall_2, 0.12, 0.75, pc, h_f - 8.0e3, tc - 1.0, tc - 2.5, tc - 6.0])
+
+
+def solve_point(row: TableRow, parameters: Parameters, tab: Tables) -> CalibratedPoint:
+    """States, volumetric efficiency and valve area that hold one row of Table I at rest.
+
+    Raises
+    ------
+    ValueError
+        When the solver finds none: the parameters do not fit the point.
+    """
+    pe = row.evaporator_pressure_kpa * 1.0e3
+    h_e2 = superheated_enthalpy(tab, pe, row.superheat_k)
+    w = np.array([row.compressor_speed_rpm * RPM, 0.5, parameters["evaporator_air_nominal_kg_s"],
+                  row.air_inlet_temperature_c])  # fmt: skip
+    free = np.array([0, 3, 4, 5, 6, 7, 8, 9, 10, 11])
+    guess, z, ds, aux = model.new_workspace()
+    s = np.zeros(model.N_STATES)
+    # Rows: all rates but that of the condenser's mass, which is minus the evaporator's; in its place the charge.
+    row_scale = np.array([1e-2, 1e3, 1e4, 1.0, 1.0, 1.0, 1e3, 0.1, 1e4, 1.0, 1.0, 1.0])
+    unknown_scale = np.array([0.1, 1.0, 1.0, 0.1, 0.1, 1e5, 1e4, 1.0, 1.0, 1.0, 0.1, 1e-7])
+
+    def residual(q: NDArray[np.float64]) -> NDArray[np.float64]:
+        values = q * unknown_scale
+        x = np.empty(model.N_STATES)
+        x[free], x[1], x[2] = values[:10], pe, h_e2
+        trial = parameters.replace(
+            eta_v_offset=values[10], eta_v_pressure_ratio=0.0, eta_v_speed=0.0,
+            valve_area_0_m2=values[11], valve_area_1_m2=0.0, valve_area_2_m2=0.0,
+        )  # fmt: skip
+        model.conserved(x, trial.array, tab, s)
+        guess[:] = pe, x[7]
+        model.rhs(s, w, trial.array, tab, guess, z, ds, aux)
+        out: NDArray[np.float64] = ds / row_scale
+        out[5] = (s[0] + s[5] - parameters["charge_kg"]) / 1e-2
+        return out
+
+    best = None
+    for pc in (1.1e6, 1.35e6, 1.8e6):
+        x0 = starting_state(tab, pe, h_e2, pc, row.air_inlet_temperature_c)
+        q0 = np.concatenate([x0[free], [0.7, 8.0e-7]]) / unknown_scale
+        found = root(residual, q0, method="hybr", options={"xtol": 1e-13, "maxfev": 4000})
+        error = float(np.max(np.abs(residual(found.x))))
+        q = found.x * unknown_scale
+        if error < 1e-7 and 0 < q[0] < 1 and q[3] > 0 and q[4] > 0 and q[3] + q[4] < 1:
+            best = q
+            break
+    if best is None:
+        raise ValueError(f"calibration: no equilibrium found for the {row.name!r} point with these parameters")
+    x = np.empty(model.N_STATES)
+    x[free], x[1], x[2] = best[:10], pe, h_e2
+    return CalibratedPoint(row, x, float(best[10]), float(best[11]))
+
+
+def calibrate(
+    parameters: Parameters | None = None, tab: Tables | None = None
+) -> tuple[Parameters, list[CalibratedPoint]]:
+    """Solve the maps again from Table I.
+
+    Parameters
+    ----------
+    parameters : Parameters, optional
+        Everything but the six solved coefficients is taken from here; the shipped set by default.
+    tab : Tables, optional
+        Tables of the set's refrigerant.
+
+    Returns
+    -------
+    tuple
+        The parameters with the solved coefficients put in, and what was found at each point.
+    """
+    parameters = parameters or load_parameters()
+    tab = tab or load_tables(parameters.refrigerant)
+    points = [solve_point(row, parameters, tab) for row in TABLE_I]
+    ratio = np.array([p.state[7] / p.state[1] for p in points])
+    speed = np.array([1.0 - 1000.0 / p.row.compressor_speed_rpm for p in points])
+    eta = np.linalg.solve(np.column_stack([np.ones(3), ratio - 4.0, speed]), [p.eta_v for p in points])
+    u = np.array([p.row.valve_opening_percent / 100.0 for p in points])
+    area = np.linalg.solve(np.vander(u, 3, increasing=True), [p.valve_area_m2 for p in points])
+    solved = parameters.replace(
+        eta_v_offset=eta[0], eta_v_pressure_ratio=eta[1], eta_v_speed=eta[2],
+        valve_area_0_m2=area[0], valve_area_1_m2=area[1], valve_area_2_m2=area[2],
+    )  # fmt: skip
+    return solved, points

@@ -1,0 +1,178 @@
+"""The plant as an object: rests at a point, runs on with inputs held, tells its outputs and its balances."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ac_plant_node import integrator, model
+from ac_plant_node.equilibrium import OperatingPoint, operating_point
+from ac_plant_node.parameters import Parameters, load_parameters
+from ac_plant_node.tables import load_tables
+
+RPM = 2.0 * np.pi / 60.0
+"""rad/s in one rpm."""
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """What can be read from the plant, SI but for the wall temperature in degC."""
+
+    evaporator_pressure_pa: float
+    superheat_k: float
+    wall_temperature_c: float
+    condenser_pressure_pa: float
+    cooling_power_w: float
+
+
+class Plant:
+    """The nonlinear moving-boundary air conditioner.
+
+    Parameters
+    ----------
+    state : (12,) array
+        Integration state, see `ac_plant_node.model`.
+    inputs : (4,) array
+        Compressor speed rad/s, valve opening 0..1, evaporator air flow kg/s, evaporator air inlet degC.
+    parameters : Parameters, optional
+        The shipped set by default.
+    """
+
+    def __init__(
+        self, state: NDArray[np.float64], inputs: NDArray[np.float64], parameters: Parameters | None = None
+    ) -> None:
+        self._parameters = parameters or load_parameters()
+        self._par = self._parameters.array
+        self._tab = load_tables(self._parameters.refrigerant)
+        self._s = np.array(state, dtype=float)
+        self._w = np.array(inputs, dtype=float)
+        self._guess, self._z, _, self._aux = model.new_workspace()
+        self._work = integrator.new_work()
+        self._tally = np.zeros(2)
+        self._out = np.zeros(4)
+        self._march(0)
+
+    @classmethod
+    def at(cls, point: str | OperatingPoint) -> "Plant":
+        """A plant resting at an operating point ("low", "med", "high", or any `OperatingPoint`).
+
+        Raises
+        ------
+        ValueError
+            For an unknown name.
+        """
+        at = operating_point(point) if isinstance(point, str) else point
+        plant = cls(at.conserved, at.inputs)
+        plant._guess[:] = at.state[1], at.state[7]
+        plant._march(0)
+        return plant
+
+    def step(self, inputs: NDArray[np.float64], duration_s: float) -> NDArray[np.float64]:
+        """Run on with `inputs` held.
+
+        Parameters
+        ----------
+        inputs : (4,) array
+            Compressor speed rad/s, valve opening 0..1, evaporator air flow kg/s, evaporator air inlet degC.
+        duration_s : float
+            A multiple of the substep of 0.02 s.
+
+        Returns
+        -------
+        (4,) array
+            p_e Pa, SH K, T_w degC, p_c Pa.
+
+        Raises
+        ------
+        ValueError
+            For inputs that are not finite, a duration that is not a multiple of the substep, or a state that left
+            the model's domain.
+        """
+        self._w[:] = inputs
+        if not np.isfinite(self._w).all():
+            raise ValueError("plant inputs must be finite: speed rad/s, opening 0..1, air kg/s, air degC")
+        n = round(duration_s / integrator.SUBSTEP_S)
+        if n < 0 or abs(n * integrator.SUBSTEP_S - duration_s) > 1e-9:
+            raise ValueError(f"duration {duration_s:g} s is not a multiple of {integrator.SUBSTEP_S:g} s")
+        self._march(n)
+        self._out[0] = self._aux[1]
+        self._out[1] = self._aux[model.SUPERHEAT]
+        self._out[2] = self._aux[model.WALL_E2] - 273.15
+        self._out[3] = self._aux[7]
+        return self._out.copy()
+
+    def _march(self, n: int) -> None:
+        status = integrator.march(
+            self._s, self._w, self._par, self._tab, self._guess, self._z, self._work, self._aux, self._tally, n,
+            integrator.SUBSTEP_S,
+        )  # fmt: skip
+        if status != 0:
+            raise ValueError("the plant left its model's domain: pressure outside the property tables")
+
+    def advance(
+        self,
+        duration_s: float,
+        compressor_speed_rpm: float | None = None,
+        valve_opening_percent: float | None = None,
+        air_mass_flow_kg_s: float | None = None,
+        air_inlet_temperature_c: float | None = None,
+    ) -> Outputs:
+        """Run on with inputs held; those left out keep their values. Raises as `step`."""
+        w = self._w.copy()
+        if compressor_speed_rpm is not None:
+            w[0] = compressor_speed_rpm * RPM
+        if valve_opening_percent is not None:
+            w[1] = valve_opening_percent / 100.0
+        if air_mass_flow_kg_s is not None:
+            w[2] = air_mass_flow_kg_s
+        if air_inlet_temperature_c is not None:
+            w[3] = air_inlet_temperature_c
+        self.step(w, duration_s)
+        return self.outputs
+
+    @property
+    def outputs(self) -> Outputs:
+        """The outputs now."""
+        a = self._aux
+        return Outputs(
+            float(a[1]), float(a[model.SUPERHEAT]), float(a[model.WALL_E2]) - 273.15, float(a[7]),
+            float(a[model.Q_AIR_E]),
+        )  # fmt: skip
+
+    @property
+    def inputs(self) -> NDArray[np.float64]:
+        """The inputs held now (4,)."""
+        return self._w.copy()
+
+    @property
+    def state(self) -> NDArray[np.float64]:
+        """The paper's state x (12,), see `OperatingPoint.state`."""
+        return self._aux[:12].copy()
+
+    @property
+    def refrigerant_mass_kg(self) -> float:
+        """Refrigerant in both heat exchangers."""
+        return float(self._s[0] + self._s[5])
+
+    @property
+    def stored_energy_j(self) -> float:
+        """Internal energy of the refrigerant and the walls."""
+        p = self._parameters
+        return float(
+            self._s[1] + self._s[6] + p["evaporator_wall_j_k"] * self._s[3] + p["condenser_wall_j_k"] * self._s[9]
+        )
+
+    @property
+    def heat_in_w(self) -> float:
+        """Net power into refrigerant and walls now: from both air streams, and the compressor's work."""
+        return float(self._aux[model.HEAT_IN])
+
+    @property
+    def heat_in_j(self) -> float:
+        """Integral of `heat_in_w` since the plant was made, by the integrator's own quadrature."""
+        return float(self._tally[0])
+
+    @property
+    def heat_moved_j(self) -> float:
+        """Integral of the magnitudes of the three powers in `heat_in_w`."""
+        return float(self._tally[1])
