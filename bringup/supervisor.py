@@ -75,6 +75,13 @@ class Supervisor:
         )
         self._until(connected, self._unconnected)
 
+    def wait_for(self, states: Mapping[str, str]) -> None:
+        """Wait until nodes that manage themselves have reached these states."""
+        self._until(
+            lambda: all(self._of(name, "state") == state for name, state in states.items()),
+            lambda: f"waiting for {dict(states)}",
+        )
+
     def wait_until_done(self, ticks: int, progress: Callable[[int, int], None] | None) -> None:
         """Wait for the plant's last tick, then until the recorder has every message."""
         shown = -1

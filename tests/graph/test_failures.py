@@ -1,0 +1,133 @@
+"""Whatever goes wrong: one clear line, no process left, and a bag that can be read."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from conftest import processes_that_mention
+from rosbags.highlevel import AnyReader
+
+from bringup.bag import read_bag
+from bringup.errors import BringupError, RunError
+from bringup.graph import run_graph
+from bringup.processes import Domain
+from bringup.scenario import Scenario, load
+
+pytestmark = pytest.mark.ros
+
+#: Runs a scenario that would take minutes, and says on stdout when the loop runs.
+RUNNER = """
+import sys
+from bringup.errors import BringupError
+from bringup.graph import run_graph
+from bringup.scenario import load
+try:
+    run_graph(load("nominal"), sys.argv[1], progress=lambda done, ticks: print("tick", done, flush=True))
+except BringupError as problem:
+    sys.exit(str(problem))
+"""
+
+
+def start_run(out: Path) -> subprocess.Popen[str]:
+    """Start a run in a process of its own and return when it has recorded something."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", RUNNER, str(out)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    for line in process.stdout:
+        if line.startswith("tick") and int(line.split()[1]) > 50:
+            return process
+    pytest.fail(f"the run did not start: {process.communicate()[1]}")
+
+
+def wait_until_gone(out: Path, patience_s: float = 10.0) -> None:
+    deadline = time.monotonic() + patience_s
+    while processes_that_mention(str(out)):
+        assert time.monotonic() < deadline, processes_that_mention(str(out))
+        time.sleep(0.02)  # processes of others give no event that could be waited for
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interrupted_run_leaves_a_good_bag_and_no_process(tmp_path: Path, number: signal.Signals) -> None:
+    process = start_run(tmp_path)
+    process.send_signal(number)
+    _, said = process.communicate(timeout=20)
+    assert process.returncode != 0
+    assert said.strip().count("\n") == 0
+    assert "interrupted" in said
+    assert not processes_that_mention(str(tmp_path))
+    assert len(read_bag(tmp_path).time_s) > 50
+    with AnyReader([tmp_path / "bag"]) as reader:  # closed properly: it has its index
+        assert sum(connection.msgcount for connection in reader.connections) > 50
+
+
+def test_killed_bringup_takes_its_nodes_along(tmp_path: Path) -> None:
+    process = start_run(tmp_path)
+    process.kill()
+    process.communicate()
+    wait_until_gone(tmp_path)
+    assert len(read_bag(tmp_path).time_s) > 50
+
+
+def test_killed_node_is_named_and_its_end_is_everyones(scenario: Scenario, tmp_path: Path) -> None:
+    killed: list[int] = []
+
+    def kill_fdi(_done: int, _ticks: int) -> None:
+        if not killed:
+            killed.extend(pid for pid in child_pids() if "fdi_node" in command_line(pid))
+            os.kill(killed[0], signal.SIGKILL)
+
+    with pytest.raises(RunError, match="node fdi died"):
+        run_graph(scenario, tmp_path, progress=kill_fdi)
+    assert not processes_that_mention(str(tmp_path))
+    assert not read_bag(tmp_path).metadata["complete"]
+
+
+def test_killed_recorder_loses_little(tmp_path: Path) -> None:
+    done_before: list[int] = []
+
+    def kill_recorder(done: int, _ticks: int) -> None:
+        done_before.append(done)
+        if done > 100:
+            (pid,) = (pid for pid in child_pids() if "recorder_node" in command_line(pid))
+            os.kill(pid, signal.SIGKILL)
+
+    with pytest.raises(RunError, match="node recorder died"):
+        run_graph(load("nominal"), tmp_path, progress=kill_recorder)
+    recorded = read_bag(tmp_path)
+    # Health comes once a second; what was flushed half a second before the kill must be there.
+    assert len(recorded.time_s) > done_before[-2]
+
+
+def test_plant_that_leaves_its_domain_is_a_clear_line(tmp_path: Path) -> None:
+    scenario = load("nominal", ["duration_s=200", "faults=[{kind: compressor_speed, size_rpm: 1000, onset_s: 1}]"])
+    with pytest.raises(RunError, match=r"node ac_plant .*stopped at .* s: .*\(log: "):
+        run_graph(scenario, tmp_path)
+    assert not processes_that_mention(str(tmp_path))
+
+
+def test_folder_that_cannot_be_written(scenario: Scenario, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(BringupError, match="cannot be written"):
+        run_graph(scenario, tmp_path / "file" / "out")
+
+
+def test_domain_in_use_is_refused(scenario: Scenario, tmp_path: Path) -> None:
+    mine = Domain()
+    try:
+        with pytest.raises(BringupError, match="in use by another run"):
+            run_graph(scenario, tmp_path)
+    finally:
+        mine.release()
+
+
+def child_pids() -> list[int]:
+    return [int(pid) for pid in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()]
+
+
+def command_line(pid: int) -> str:
+    return Path(f"/proc/{pid}/cmdline").read_bytes().decode().replace("\0", " ")

@@ -1,0 +1,169 @@
+"""Numbers pass bit for bit, bad messages are refused, ticks are matched by stamp, bags read to where they end."""
+
+import json
+import math
+import struct
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from rclpy.serialization import deserialize_message, serialize_message
+
+from bringup.bag import decode, read_bag, read_raw, stamp_ns
+from bringup.errors import BringupError
+from bringup.inputs import MOST_WAITING, TickSet
+from bringup.messages import BadMessage, reader, set_stamp, stamp_of_cdr, status_message, writer
+from bringup.messages import stamp_ns as stamp_of_message
+from bringup.recorder import BagWriter, RecordedTopic
+from bringup.recording import StatusRow
+from bringup.topics import BY_NAME, DIAGNOSTICS, TOPICS
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+scalars_and_joints = st.sampled_from([topic for topic in TOPICS if topic.type != DIAGNOSTICS])
+
+
+@given(topic=scalars_and_joints, values=st.lists(finite, min_size=2, max_size=2), time_ns=st.integers(0, 2**61))
+def test_numbers_pass_bit_for_bit(topic, values, time_ns):
+    message, put = writer(topic)
+    values = values[: len(topic.series)]
+    put(values)
+    set_stamp(message, time_ns)
+    data = serialize_message(message)
+    received = deserialize_message(data, type(message))
+    bits = [struct.pack("<d", value) for value in values]
+    assert [struct.pack("<d", value) for value in reader(topic)(received)] == bits
+    assert stamp_of_message(received) == time_ns
+    # The reader of bags has its own decoder.
+    assert [struct.pack("<d", value) for value in decode(topic.name, data).values()] == bits
+    assert stamp_ns(data) == stamp_of_cdr(data) == time_ns
+
+
+maybe_nan = st.floats(allow_infinity=False)
+
+
+@given(
+    detected=st.booleans(),
+    isolated=st.sampled_from([None, "compressor_speed", "evaporator_pressure"]),
+    size=maybe_nan,
+    onset_s=maybe_nan,
+    isolated_s=maybe_nan,
+    limit=finite,
+)
+def test_status_passes_bit_for_bit(detected, isolated, size, onset_s, isolated_s, limit):
+    topic = BY_NAME["fdi/status"]
+    row = StatusRow(1.5, detected, isolated, size, onset_s, isolated_s, (limit, -limit))
+    message, put = writer(topic)
+    put([row])
+    set_stamp(message, 1_500_000_000)
+    (received,) = reader(topic)(deserialize_message(serialize_message(message), type(message)))
+    assert repr(received) == repr(row)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize(
+    "topic", [topic for topic in TOPICS if topic.type != DIAGNOSTICS], ids=lambda topic: topic.name
+)
+def test_values_that_are_no_numbers_are_refused(topic, bad):
+    message, put = writer(topic)
+    put([bad] * len(topic.series))
+    with pytest.raises(BadMessage, match=topic.name):
+        reader(topic)(message)
+
+
+def test_joints_of_someone_else_are_refused():
+    topic = BY_NAME["controller/command"]
+    message, put = writer(topic)
+    put([1.0, 2.0])
+    message.name = ["expansion_valve", "compressor"]
+    with pytest.raises(BadMessage, match="expected"):
+        reader(topic)(message)
+    message.name = list(topic.joints)
+    message.velocity = []
+    with pytest.raises(BadMessage, match="fewer values"):
+        reader(topic)(message)
+
+
+def test_status_of_someone_else_is_refused():
+    topic = BY_NAME["fdi/status"]
+    message, _ = writer(topic)
+    with pytest.raises(BadMessage):
+        reader(topic)(message)
+    message.status = [status_message(StatusRow(0.0, False, "gremlin", 0.0, 0.0, 0.0, (0.0, 0.0)))]
+    with pytest.raises(BadMessage, match="gremlin"):
+        reader(topic)(message)
+
+
+PAIR = (BY_NAME["plant/superheat"], BY_NAME["plant/wall_temperature"])
+
+
+@given(st.permutations([(topic.name, k) for topic in PAIR for k in range(4)]))
+def test_ticks_are_matched_whatever_the_order_of_arrival(arrivals):
+    tick_set = TickSet(PAIR, act=lambda *_: None)
+    complete = [done for name, k in arrivals if (done := tick_set.add(name, k, ((name, k),)))]
+    for time_ns, first, second in complete:
+        assert first == ("plant/superheat", time_ns)
+        assert second == ("plant/wall_temperature", time_ns)
+    times = [done[0] for done in complete]
+    assert times == sorted(set(times))  # each at most once, never back in time
+    assert times[-1] == 3  # the newest tick always completes
+
+
+def test_foreign_stamps_do_not_pile_up():
+    tick_set = TickSet(PAIR, act=lambda *_: None)
+    for k in range(10 * MOST_WAITING):
+        assert tick_set.add(PAIR[0].name, k, (0.0,)) is None
+    assert len(tick_set._waiting) <= MOST_WAITING
+
+
+@pytest.fixture(scope="module")
+def small_bag(tmp_path_factory):
+    """A bag of 40 ticks with two topics in it, written chunk by chunk."""
+    folder = tmp_path_factory.mktemp("small") / "bag"
+    topics = [BY_NAME["plant/evaporator_pressure"], BY_NAME["controller/command"]]
+    recorded = [RecordedTopic(f"/ac/{topic.name}", topic.type, 10, 1.0) for topic in topics]
+    bag = BagWriter(folder, recorded, {"sample_time_s": 0.1, "ticks": 40, "scenario": {}})
+    for k in range(40):
+        for number, topic in enumerate(topics):
+            message, put = writer(topic)
+            put([k + 0.5] * len(topic.series))
+            set_stamp(message, k * 100_000_000)
+            bag.write(number, serialize_message(message), k * 100_000_000, k * 100_000_000)
+        bag._writer.flush()
+    bag.close()
+    return folder
+
+
+def test_small_bag_reads_back(small_bag):
+    recording = read_bag(small_bag)
+    assert recording.metadata["complete"]
+    assert recording.series["plant/evaporator_pressure"].tolist() == [k + 0.5 for k in range(40)]
+    assert recording.series["controller/command:expansion_valve"].tolist() == [k + 0.5 for k in range(40)]
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60)
+@given(share=st.floats(0.0, 1.0))
+def test_bag_cut_anywhere_gives_what_was_flushed_before(small_bag, tmp_path, share):
+    (file,) = small_bag.glob("*.mcap")
+    content = file.read_bytes()
+    part = tmp_path / "part.mcap"
+    part.write_bytes(content[: int(share * len(content))])
+    raw = read_raw(part)
+    for messages in raw.messages.values():
+        assert [stamp_ns(data) for _, data in messages] == [k * 100_000_000 for k in range(len(messages))]
+    if raw.run:
+        recording = read_bag(part)
+        assert recording.series["plant/evaporator_pressure"].tolist() == [k + 0.5 for k in range(len(recording.time_s))]
+    else:
+        with pytest.raises(BringupError, match="holds no run"):
+            read_bag(part)
+
+
+def test_what_is_no_bag_is_refused(tmp_path: Path):
+    with pytest.raises(BringupError, match="no such bag"):
+        read_bag(tmp_path / "nothing")
+    with pytest.raises(BringupError, match="no bag in this folder"):
+        read_bag(tmp_path)
+    (tmp_path / "text.mcap").write_text(json.dumps({"no": "bag"}) * 10)
+    with pytest.raises(BringupError, match="not a readable MCAP file"):
+        read_bag(tmp_path / "text.mcap")

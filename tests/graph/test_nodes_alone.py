@@ -1,0 +1,50 @@
+"""Each node is startable on its own, says what is wrong with its parameters, and ends cleanly."""
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from bringup.graph import MODULES
+from bringup.processes import ros_environment, start, stop
+from bringup.supervisor import Supervisor
+from bringup.topics import RECORDER
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("name", MODULES)
+def test_starts_by_itself_and_ends_with_code_0(name: str, number: signal.Signals, tmp_path: Path) -> None:
+    own = ["-p", f"folder:={tmp_path / 'bag'}"] if name == RECORDER else []
+    arguments = ["-m", MODULES[name], "--ros-args", "-r", "__ns:=/ac", *own]
+    child = start(name, arguments, tmp_path, ros_environment())
+    try:
+        with Supervisor({name: child}, ros_environment()) as supervisor:
+            supervisor.wait_for({name: "active"})
+        child.process.send_signal(number)
+        assert child.process.wait(10) == 0, child.log.read_text()
+    finally:
+        stop([child])
+
+
+@pytest.mark.parametrize(
+    ("module", "parameter", "said"),
+    [
+        ("fdi_node", "operating_point:=medium", "allowed: low, med, high"),
+        ("fdi_node", "sample_time_s:=3.0", "sample_time_s"),
+        ("fdi_node", "sample_time_s:=fast", "sample_time_s"),
+        ("fault_injector_node", "noise_std:=[1.0, 2.0]", "allowed: three numbers"),
+        ("bringup.scenario_node", "scenario:=nominul", "nominal"),
+        ("ac_plant_node", "mode:=realtme", "allowed: lockstep, realtime"),
+    ],
+)
+def test_bad_parameter_is_one_clear_line(module: str, parameter: str, said: str) -> None:
+    result = subprocess.run(
+        [sys.executable, "-m", module, "--ros-args", "-p", parameter], capture_output=True, text=True, timeout=60
+    )
+    assert result.returncode == 1
+    assert said in result.stderr
+    assert result.stderr.strip().count("\n") == 0, result.stderr
