@@ -330,8 +330,8 @@ def _feedback(A: Matrix, B: Matrix, C1: Matrix, D1: Matrix, R: Matrix, *, refine
 def _nonnegative(A: Matrix, B2: Matrix, C1: Matrix, D12: Matrix, X: Matrix) -> bool:
     """Whether `X >= 0`, asked in a way that rounding and units do not disturb (X may be zero, or span ten decades).
 
-    Without disturbance the worst-case control is `u = -(D12' C1 + B2' X) x`, and along the trajectories x' X x falls. As
-    X is the stabilising solution it is nonnegative exactly when this closed loop is stable.
+    Without disturbance the best control is `u = -(D12' C1 + B2' X) x`, and along the trajectories x' X x falls. As X is
+    the stabilising solution it is nonnegative exactly when this closed loop is stable.
     """
     closed = A - B2 @ (D12.T @ C1 + B2.T @ X)
     return bool((np.linalg.eigvals(closed).real < 0).all())

@@ -231,7 +231,7 @@ def _require_stable(name: str, system: Abcd) -> None:
 
 
 def _require_open_loop(P: Abcd, nmeas: int, ncon: int) -> None:
-    """Whether q is really absent from the measurement, up to rounding: else the result would be a feedback law, not a filter."""
+    """Refuse a plant whose measurement sees q, up to rounding: the result would be a feedback law, not a filter."""
     w = _frequencies(P)[::10]
     G = frequency_response(P, w)
     p1, m1 = P.D.shape[0] - nmeas, P.D.shape[1] - ncon

@@ -124,7 +124,7 @@ def hankel_values(sys: Any) -> Matrix:
     return _balance(balance_states(abcd(sys)))[1]
 
 
-def minimal_realisation(sys: Any, *, rtol: float = 1e-9) -> Any:
+def minimal_realisation(sys: Any, *, rtol: float = 1e-10) -> Any:
     """Without states that the inputs do not reach or the outputs do not see; unstable systems too.
 
     Orthogonal staircase reduction (Van Dooren, IEEE TAC 26, 1981) of the state-balanced system with normalised signals,
@@ -137,11 +137,11 @@ def minimal_realisation(sys: Any, *, rtol: float = 1e-9) -> Any:
         A direction weaker than this, relative to the size of the system, is taken as absent.
     """
     system = balance_states(abcd(sys))
-    basis = _reachable_basis(normalise_signals(system), rtol)
-    system = _projected(system, basis, basis)
-    system = balance_states(system)
-    dual = normalise_signals(system)
-    basis = _reachable_basis(Abcd(dual.A.T, dual.C.T, dual.B.T, dual.D.T), rtol)
+    # Signals are normalised once: what is left of B or C after a projection counts against its first size.
+    A, B, C, _ = normalise_signals(system)
+    reach = _reachable_basis(A, B, rtol)
+    observe = _reachable_basis(reach.T @ A.T @ reach, reach.T @ C.T, rtol)
+    basis = reach @ observe
     return state_space(_projected(system, basis, basis), sys)
 
 
@@ -217,12 +217,14 @@ def _residualised(balanced: Abcd, order: int) -> Abcd:
     )
 
 
-def _reachable_basis(system: Abcd, rtol: float) -> Matrix:
-    """Orthonormal basis of the reachable subspace: grown block by block, each from the part of `A block` outside it."""
-    A, B = system.A, system.B
+def _reachable_basis(A: Matrix, B: Matrix, rtol: float) -> Matrix:
+    """Orthonormal basis of the reachable subspace for B with columns of norm one (or less, where they were projected).
+
+    Grown block by block, each from the part of `A block` outside it.
+    """
     n = A.shape[0]
     basis = np.zeros((n, 0))
-    block, size = B, max(float(np.linalg.norm(B, 2)) if B.size else 0.0, 1e-300)
+    block, size = B, 1.0
     while block.size and basis.shape[1] < n:
         for _ in range(2):  # twice is enough (Kahan)
             block = block - basis @ (basis.T @ block)

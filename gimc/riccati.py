@@ -1,5 +1,7 @@
 """Continuous-time algebraic Riccati equation by ordered Schur form, for definite and indefinite quadratic terms."""
 
+import warnings
+
 import numpy as np
 import scipy.linalg
 
@@ -27,13 +29,19 @@ def care(A: Matrix, G: Matrix, Q: Matrix, *, refine: bool = True) -> Matrix:
     n = A.shape[0]
     if n == 0:
         return np.zeros((0, 0))
-    hamiltonian = np.block([[A, -G], [-Q, -A.T]])
-    d = _symplectic_scales(hamiltonian, n)
-    As, Gs, Qs = A * d / d[:, None], G / d / d[:, None], Q * d * d[:, None]
-    Xs = _stable_graph(As, Gs, Qs)
-    if refine:
-        Xs = _newton_step(As, Gs, Qs, Xs)
-    return np.asarray(Xs / d / d[:, None])
+    error = RiccatiError("no scaling tried")
+    # Balancing helps stiff problems, and harms those with directions that only rounding connects.
+    for d in (_symplectic_scales(np.block([[A, -G], [-Q, -A.T]]), n), np.ones(n)):
+        As, Gs, Qs = A * d / d[:, None], G / d / d[:, None], Q * d * d[:, None]
+        try:
+            Xs = _stable_graph(As, Gs, Qs)
+        except RiccatiError as failure:
+            error = failure
+            continue
+        if refine:
+            Xs = _newton_step(As, Gs, Qs, Xs)
+        return np.asarray(Xs / d / d[:, None])
+    raise error
 
 
 def _symplectic_scales(hamiltonian: Matrix, n: int) -> Matrix:
@@ -46,6 +54,7 @@ def _symplectic_scales(hamiltonian: Matrix, n: int) -> Matrix:
 
 
 def _stable_graph(A: Matrix, G: Matrix, Q: Matrix) -> Matrix:
+    """X whose graph [I; X] spans the stable subspace of the Hamiltonian."""
     n = A.shape[0]
     hamiltonian = np.block([[A, -G], [-Q, -A.T]])
     try:
@@ -59,10 +68,16 @@ def _stable_graph(A: Matrix, G: Matrix, Q: Matrix) -> Matrix:
     skew = X1.T @ X2
     if np.linalg.norm(skew - skew.T) > 1e-6:
         raise RiccatiError("the Hamiltonian has eigenvalues on the imaginary axis")
-    if np.linalg.cond(X1) > 1e14:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", scipy.linalg.LinAlgWarning)  # judged by what comes out, next
+        try:
+            X = scipy.linalg.solve(X1.T, X2.T)
+        except np.linalg.LinAlgError:
+            raise RiccatiError("the stable subspace of the Hamiltonian is no graph: X grows without bound") from None
+    X = 0.5 * (X + X.T)
+    if not np.isfinite(X).all() or (np.linalg.eigvals(A - G @ X).real >= 0).any():
         raise RiccatiError("the stable subspace of the Hamiltonian is no graph: X grows without bound")
-    X = np.linalg.solve(X1.T, X2.T)
-    return np.asarray(0.5 * (X + X.T))
+    return np.asarray(X)
 
 
 def _newton_step(A: Matrix, G: Matrix, Q: Matrix, X: Matrix) -> Matrix:
