@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 from ac_plant_node import parameters_fingerprint
-from gimc.cache import Arrays, cached, source_fingerprint
+from fdi_node.cache import Arrays, cached, source_fingerprint
 
 PACKAGES = ("gimc", "ac_plant_node", "fdi_node", "gimc_controller_node")
 

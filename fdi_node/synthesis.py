@@ -23,7 +23,7 @@ from fdi_node.design_model import (
 from fdi_node.design_report import BlockReport
 from fdi_node.thresholds import noise_thresholds, residual_covariances
 from fdi_node.weights import FdiWeights
-from gimc.cache import Arrays
+from fdi_node.cache import Arrays
 from gimc.coprime import filter_gain
 from gimc.interconnect import add, block_diagonal, scale, series, stack_inputs, state_space
 from gimc.model_matching import isolation_synthesis

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fdi_node.cache import Arrays
 from fdi_node.detector import FAULTS
-from gimc.cache import Arrays
 
 Vector = NDArray[np.float64]
 

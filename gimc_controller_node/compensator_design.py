@@ -21,7 +21,7 @@ from fdi_node.design_cache import cached_design
 from fdi_node.design_model import COMMAND_UNIT, OUTPUT_UNIT, design_model, to_si
 from fdi_node.design_report import BlockReport
 from fdi_node.weights import FdiWeights
-from gimc.cache import Arrays
+from fdi_node.cache import Arrays
 from gimc.interconnect import Abcd, add, append, block_diagonal, lft, scale, series, stack_outputs, state_space
 from gimc.model_matching import Matching, model_matching, regularise
 from gimc.norms import hinf_norm, poles

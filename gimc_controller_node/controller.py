@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gimc.cache import Arrays
+from fdi_node.cache import Arrays
 
 Vector = NDArray[np.float64]
 

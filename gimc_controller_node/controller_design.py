@@ -16,7 +16,7 @@ from ac_plant_node import operating_point
 from bringup.units import RPM
 from fdi_node.design_model import COMMAND_UNIT, OUTPUT_UNIT, DesignModel, design_model, to_si
 from fdi_node.design_report import BlockReport
-from gimc.cache import Arrays
+from fdi_node.cache import Arrays
 from gimc.coprime import filter_gain
 from gimc.hinfsyn import hinf_synthesis
 from gimc.interconnect import lft, state_space
