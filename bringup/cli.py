@@ -12,7 +12,7 @@ import signal
 import sys
 import tempfile
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -22,6 +22,7 @@ import click
 from bringup.errors import BringupError, InterruptedRunError, RunError, one_line
 
 if TYPE_CHECKING:
+    from bringup.health import NodeHealth
     from bringup.recording import Recording
     from bringup.scenario import Scenario
 
@@ -139,7 +140,7 @@ def run(
             # The input has been checked by now: what fails here is the run.
             kind = InterruptedRunError if isinstance(problem.__context__, KeyboardInterrupt) else RunError
             raise kind(str(problem)) from problem
-    _finish(read_bag(folder / "bag"), folder, as_json)
+    _finish(read_bag(folder / "bag"), folder, as_json, _health(folder / "bag"))
 
 
 @cli.command(
@@ -202,7 +203,7 @@ def report(bag: Path, out: Path | None, beside: Path | None) -> None:
     other, note = (read_bag(beside), f"Beside it: {beside}.") if beside else _companion(recording)
     target = out or bag.resolve().parent / "report.html"
     _make_folder(target.resolve().parent)
-    write_report(target, recording, other, note)
+    write_report(target, recording, other, note, _health(bag))
     _say(f"wrote {target}")
 
 
@@ -364,7 +365,14 @@ def _make_folder(folder: Path) -> None:
         raise BringupError(msg) from None
 
 
-def _finish(recording: "Recording", folder: Path, as_json: bool) -> None:
+def _health(bag: Path) -> "list[NodeHealth]":
+    from bringup.bag import health_reports, read_raw
+    from bringup.health import health_of
+
+    return health_of(health_reports(read_raw(bag)))
+
+
+def _finish(recording: "Recording", folder: Path, as_json: bool, health: "Sequence[NodeHealth]" = ()) -> None:
     """Write summary and report of a run, and say where they are."""
     from bringup.report import write_report
     from bringup.summary import summarise, write_summary
@@ -372,7 +380,7 @@ def _finish(recording: "Recording", folder: Path, as_json: bool) -> None:
     summary = summarise(recording)
     write_summary(summary, folder / "summary.json")
     other, note = _companion(recording)
-    write_report(folder / "report.html", recording, other, note)
+    write_report(folder / "report.html", recording, other, note, health)
     if as_json:
         _print_json(summary)
     else:

@@ -7,6 +7,7 @@ graph of processes calls exactly these functions in this order, so both give the
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -152,6 +153,7 @@ def simulate(
             "mode": "simulate",
             "passive": passive,
             "sample_time_s": sample_time_s,
+            "started": datetime.now(UTC).isoformat(timespec="seconds"),
             "wall_seconds": time.perf_counter() - started,
             "missed_ticks": 0,
             "complete": True,

@@ -188,6 +188,7 @@ def _lay_out(figure: Any, recording: Recording, rows: int) -> None:
         ticks="outside",
     )
     figure.update_yaxes(showline=True, linecolor=GREY, gridcolor="#ebedef", zeroline=False, ticks="outside")
+    figure.update_yaxes(tickformat=".6~g")
     figure.update_xaxes(title_text="Time, s", row=rows, col=1)
     figure.update_layout(
         height=_ROW_PX * rows + 80,

@@ -1,6 +1,7 @@
 """`report.html`: one run as a page that needs nothing else, with the paper's plots and its numbers beside ours."""
 
 import html
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from string import Template
@@ -8,6 +9,7 @@ from typing import Any
 
 import yaml
 
+from bringup.health import NodeHealth
 from bringup.paper import figures_for
 from bringup.plots import time_plots
 from bringup.recording import Recording
@@ -27,7 +29,13 @@ _FAULT_NAMES = {
 }
 
 
-def write_report(path: Path, recording: Recording, beside: Recording | None = None, note: str = "") -> None:
+def write_report(
+    path: Path,
+    recording: Recording,
+    beside: Recording | None = None,
+    note: str = "",
+    health: Sequence[NodeHealth] = (),
+) -> None:
     """Write the report of a run.
 
     Parameters
@@ -40,11 +48,15 @@ def write_report(path: Path, recording: Recording, beside: Recording | None = No
         A run of the same scenario with the other kind of control (passive beside active), drawn into the same plots.
     note
         Where `beside` comes from, one sentence for the reader.
+    health
+        How the nodes fared, when there were any.
     """
-    path.write_text(render(recording, beside, note), encoding="utf-8")
+    path.write_text(render(recording, beside, note, health), encoding="utf-8")
 
 
-def render(recording: Recording, beside: Recording | None = None, note: str = "") -> str:
+def render(
+    recording: Recording, beside: Recording | None = None, note: str = "", health: Sequence[NodeHealth] = ()
+) -> str:
     """Text of the report; see `write_report`."""
     summary = summarise(recording)
     other = None if beside is None else summarise(beside)
@@ -55,7 +67,7 @@ def render(recording: Recording, beside: Recording | None = None, note: str = ""
         description=html.escape(scenario.get("description", "")),
         verdict=_verdict(summary),
         warning=_warning(summary),
-        facts=_facts(summary, scenario),
+        facts=_facts(summary, scenario, recording.metadata.get("started", "unknown")),
         faults=_faults_table(summary),
         metrics=_metrics_table(summary, other, scenario),
         note=f"<p class=note>{html.escape(note)}</p>" if note else "",
@@ -65,6 +77,7 @@ def render(recording: Recording, beside: Recording | None = None, note: str = ""
             div_id="time-plots",
             config={"responsive": True, "displaylogo": False, "toImageButtonOptions": {"format": "svg"}},
         ),
+        nodes=_nodes_table(health),
         scenario=html.escape(yaml.safe_dump(_without_empty(scenario), sort_keys=False, width=100)),
         command=html.escape(_command(summary)),
     )
@@ -100,7 +113,7 @@ def _warning(summary: dict[str, Any]) -> str:
     return "<p class=warning>This recording was cut short; the figures cover what is there.</p>"
 
 
-def _facts(summary: dict[str, Any], scenario: dict[str, Any]) -> str:
+def _facts(summary: dict[str, Any], scenario: dict[str, Any], started: str) -> str:
     factor, wall = summary["real_time_factor"], summary["wall_seconds"]
     speed = "unknown" if not factor else f"{wall:.2f} s, {factor:.0f} times real time"
     control = "passive: K<sub>0</sub> alone" if summary["passive"] else "active: K<sub>0</sub> with compensator Q"
@@ -111,6 +124,7 @@ def _facts(summary: dict[str, Any], scenario: dict[str, Any]) -> str:
         ("Ticks", f"{summary['ticks']} at {summary['sample_time_s']:g} s"),
         ("Wall time", speed),
         ("Missed ticks", str(summary["missed_ticks"])),
+        ("Started", html.escape(str(started))),
     ]
     return "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in facts)
 
@@ -133,7 +147,25 @@ def _faults_table(summary: dict[str, Any]) -> str:
             ]
         )
     heads = ["Fault", "Size", "Onset, s", "Detected, s", "Isolated, s", "Isolated as", "Estimate"]
-    return _table(heads, rows)
+    return "<h2>Faults</h2>" + _table(heads, rows)
+
+
+def _nodes_table(health: Sequence[NodeHealth]) -> str:
+    """How the nodes fared; empty for a run without nodes."""
+    if not health:
+        return ""
+    rows = [
+        [
+            f"<code>{html.escape(node.name)}</code>",
+            html.escape(node.state),
+            _cell(node.latency_p50_ms, ".2f"),
+            _cell(node.latency_max_ms, ".2f"),
+            f"{node.rejected_inputs} {html.escape(node.last_rejected)}",
+        ]
+        for node in health
+    ]
+    heads = ["Node", "State at the end", "Latency, typical, ms", "longest, ms", "Inputs refused"]
+    return "<h2>Nodes</h2>" + _table(heads, rows)
 
 
 def _metrics_table(summary: dict[str, Any], other: dict[str, Any] | None, scenario: dict[str, Any]) -> str:
@@ -163,7 +195,11 @@ def _metrics_table(summary: dict[str, Any], other: dict[str, Any] | None, scenar
 
 
 def _cell(value: float | None, digits: str) -> str:
-    return "–" if value is None else format(value, digits).replace("-", "\N{MINUS SIGN}")
+    """Format a number for a table: a dash where there is none, a true minus, and no sign on what rounds to zero."""
+    if value is None or math.isnan(value):
+        return "–"
+    text = format(value, digits)
+    return (text if float(text) else text.lstrip("+-")).replace("-", "\N{MINUS SIGN}")
 
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -221,13 +257,13 @@ _PAGE = Template("""<!DOCTYPE html>
 <p class="verdict">$verdict</p>
 $warning
 <dl>$facts</dl>
-<h2>Faults</h2>
 $faults
 <h2>Figures</h2>
 $metrics
 <h2>Course of the run</h2>
 $note
 $plots
+$nodes
 <h2>How to run it again</h2>
 <p class="note">Save the scenario as <code>scenario.yaml</code>, then:</p>
 <pre>$command</pre>

@@ -1,0 +1,97 @@
+"""`acftc run` as a user meets it: real nodes over DDS, what it leaves behind, and what Ctrl-C leaves behind."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bringup.bag import read_bag
+from bringup.loop import simulate
+from bringup.scenario import load
+from bringup.topics import SERIES
+
+pytestmark = pytest.mark.ros
+
+SHORT = ["--set", "duration_s=12", "--set", "faults.0.onset_s=4", "--set", "references={}"]
+
+
+@pytest.fixture
+def marked() -> Iterator[tuple[dict[str, str], str]]:
+    """Environment that every child process inherits, and the mark to find them by."""
+    mark = f"acftc-test-{uuid.uuid4()}"
+    yield {**os.environ, "ACFTC_TEST_MARK": mark}, mark
+    assert left_over(mark) == []
+
+
+def left_over(mark: str) -> list[str]:
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            if mark.encode() in (process / "environ").read_bytes():
+                found.append((process / "cmdline").read_bytes().replace(b"\0", b" ").decode())
+        except OSError:
+            continue
+    return found
+
+
+def acftc(*arguments: str, environment: dict[str, str]) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "bringup.cli", *arguments]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+
+
+def test_a_run_leaves_bag_summary_and_report_and_agrees_with_the_simulation(tmp_path: Path, marked):
+    environment, _ = marked
+    run = acftc("run", "actuator_fault", "--out", str(tmp_path), "--json", *SHORT, environment=environment)
+    out, err = run.communicate(timeout=120)
+    assert run.returncode == 0, err
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert json.loads(out) == summary
+    assert summary["mode"] == "lockstep"
+    assert summary["ticks"] == 120
+    assert (tmp_path / "report.html").stat().st_size > 1_000_000  # plotly is inside
+    assert (tmp_path / "bag" / "metadata.yaml").exists()
+
+    recording = read_bag(tmp_path / "bag")
+    alone = simulate(load("actuator_fault", [item for item in SHORT if item != "--set"]))
+    for key in SERIES:
+        # The same functions in the same order: not even rounding differs.
+        assert np.array_equal(recording.series[key], alone.series[key]), key
+    assert [(row.detected, row.isolated) for row in recording.status] == [
+        (row.detected, row.isolated) for row in alone.status
+    ]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_run_that_is_stopped_says_so_in_one_line_and_leaves_a_readable_bag(tmp_path: Path, marked, number):
+    environment, mark = marked
+    long = ["--set", "duration_s=3000"]
+    run = acftc("run", "nominal", "--out", str(tmp_path), *long, environment=environment)
+    bag = tmp_path / "bag" / "bag_0.mcap"
+    # The recorder has written ticks: the loop is running.
+    while not (bag.exists() and bag.stat().st_size > 200_000):
+        with pytest.raises(subprocess.TimeoutExpired):  # it is still running
+            run.wait(timeout=0.1)
+    run.send_signal(number)
+    out, err = run.communicate(timeout=60)
+    assert run.returncode == 130, err
+    assert err.count("\n") == 1
+    assert "interrupted" in err
+    assert "Traceback" not in err
+    assert out == ""
+    assert left_over(mark) == []
+    recording = read_bag(tmp_path / "bag")
+    assert not recording.metadata["complete"]
+    assert np.isfinite(recording.series["plant/evaporator_pressure"]).sum() > 50
+
+    # A report can be had of what is there.
+    report = acftc("report", str(tmp_path / "bag"), environment=environment)
+    _, err = report.communicate(timeout=120)
+    assert report.returncode == 0, err
+    assert "cut short" in (tmp_path / "report.html").read_text()
