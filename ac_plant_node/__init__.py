@@ -1,11 +1,19 @@
-"""The plant: a nonlinear moving-boundary vapour-compression air conditioner, physics without ROS."""
+"""The plant: a nonlinear moving-boundary vapour-compression air conditioner, physics without ROS.
 
-from ac_plant_node.calibration import TABLE_I, calibrate
-from ac_plant_node.equilibrium import POINTS, OperatingPoint, equilibrium, operating_point, table_inputs
-from ac_plant_node.fingerprint import parameters_fingerprint
-from ac_plant_node.linear import INPUTS, OUTPUTS, linearize
-from ac_plant_node.parameters import Parameters, load_parameters
-from ac_plant_node.plant import Outputs, Plant
+Names are loaded when they are first used: who wants the plant's fingerprint need not load a compiler, and who runs the
+plant need not load python-control.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ac_plant_node.calibration import TABLE_I, calibrate
+    from ac_plant_node.equilibrium import POINTS, OperatingPoint, operating_point, table_inputs
+    from ac_plant_node.fingerprint import parameters_fingerprint
+    from ac_plant_node.linear import INPUTS, OUTPUTS, linearize
+    from ac_plant_node.parameters import Parameters, load_parameters
+    from ac_plant_node.plant import Outputs, Plant
 
 __all__ = [
     "INPUTS",
@@ -17,10 +25,27 @@ __all__ = [
     "Parameters",
     "Plant",
     "calibrate",
-    "equilibrium",
     "linearize",
     "load_parameters",
     "operating_point",
     "parameters_fingerprint",
     "table_inputs",
 ]
+
+_MODULES = {
+    "calibration": ("TABLE_I", "calibrate"),
+    "equilibrium": ("POINTS", "OperatingPoint", "operating_point", "table_inputs"),
+    "fingerprint": ("parameters_fingerprint",),
+    "linear": ("INPUTS", "OUTPUTS", "linearize"),
+    "parameters": ("Parameters", "load_parameters"),
+    "plant": ("Outputs", "Plant"),
+}
+_MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name from its module (PEP 562)."""
+    if name not in _MODULE_OF:
+        msg = f"module 'ac_plant_node' has no attribute {name!r}"
+        raise AttributeError(msg)
+    return getattr(import_module(f"ac_plant_node.{_MODULE_OF[name]}"), name)

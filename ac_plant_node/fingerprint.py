@@ -1,8 +1,10 @@
 """One string that changes whenever the plant does: the key under which designs are cached."""
 
-from ac_plant_node.model import MODEL_VERSION
 from ac_plant_node.parameters import Parameters, digest, load_parameters
 from ac_plant_node.tables import table_identity
+
+MODEL_VERSION = 1
+"""Raised with every change of the model's equations."""
 
 
 def parameters_fingerprint(parameters: Parameters | None = None) -> str:

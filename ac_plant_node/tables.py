@@ -19,13 +19,13 @@ import hashlib
 import sys
 import tempfile
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from platformdirs import user_cache_dir
-from scipy.interpolate import CubicSpline, RectBivariateSpline
 
 TABLE_VERSION = 3
 """Raised whenever the content or layout of the tables changes: part of the cache key."""
@@ -80,9 +80,8 @@ def table_identity(refrigerant: str) -> str:
     """
     if refrigerant not in REFRIGERANTS:
         raise ValueError(f"unknown refrigerant {refrigerant!r}: allowed are {', '.join(REFRIGERANTS)}")
-    import CoolProp
-
-    return f"{refrigerant}/CoolProp-{CoolProp.__version__}/tables-{TABLE_VERSION}"
+    # Asked of the installation: loading CoolProp would cost a running node tens of megabytes.
+    return f"{refrigerant}/CoolProp-{version('CoolProp')}/tables-{TABLE_VERSION}"
 
 
 def load_tables(refrigerant: str = "R134a", progress: bool = True) -> Tables:
@@ -129,6 +128,7 @@ def _write(path: Path, tables: Tables) -> None:
 def build_tables(refrigerant: str = "R134a") -> Tables:
     """Sample CoolProp on the grids and fit the interpolants (some ten seconds)."""
     import CoolProp
+    from scipy.interpolate import CubicSpline
 
     table_identity(refrigerant)
     fluid = CoolProp.AbstractState("HEOS", refrigerant)
@@ -209,6 +209,8 @@ def _patches(
     sample: Callable[[int, int], tuple[float, ...]], x: NDArray[np.float64], y: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Bicubic coefficients, lowest power first, in cell coordinates 0..1: c[i, j, quantity, 4*k + l] t^k u^l."""
+    from scipy.interpolate import RectBivariateSpline
+
     values = np.array([[sample(i, j) for j in range(len(y))] for i in range(len(x))])
     nx, ny, n = values.shape
     hx, hy = x[1] - x[0], y[1] - y[0]
