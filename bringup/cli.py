@@ -246,6 +246,48 @@ def replay(bag: Path, node: str, as_json: bool) -> None:
         raise RunError(msg)
 
 
+@cli.command(epilog=_examples("acftc equilibria", "acftc equilibria --json"))
+@_json_option
+def equilibria(as_json: bool) -> None:
+    """Show the three operating points that the solver finds, beside the paper's Table I."""
+    from ac_plant_node import TABLE_I, operating_point
+    from bringup.units import KPA, RPM
+
+    points = [(row, operating_point(row.name)) for row in TABLE_I]
+    content = {
+        row.name: {
+            "compressor_speed_rpm": float(point.inputs[0]) / RPM,
+            "valve_opening_percent": 100.0 * float(point.inputs[1]),
+            "air_mass_flow_kg_s": float(point.inputs[2]),
+            "air_inlet_temperature_c": float(point.inputs[3]),
+            "evaporator_pressure_kpa": float(point.outputs[0]) / KPA,
+            "table_i_evaporator_pressure_kpa": row.evaporator_pressure_kpa,
+            "superheat_k": float(point.outputs[1]),
+            "table_i_superheat_k": row.superheat_k,
+            "wall_temperature_c": float(point.outputs[2]),
+            "condenser_pressure_kpa": float(point.outputs[3]) / KPA,
+            "subcooling_k": float(point.subcooling_k),
+            "mass_flow_kg_s": float(point.mass_flow_kg_s),
+            "cooling_power_kw": float(point.cooling_power_w) / 1e3,
+            "compressor_power_kw": float(point.compressor_power_w) / 1e3,
+            "cop": float(point.cop),
+        }
+        for row, point in points
+    }
+    if as_json:
+        _print_json(content)
+        return
+    units = {"rpm": "rpm", "percent": "%", "kg_s": "kg/s", "c": "°C", "kpa": "kPa", "k": "K", "kw": "kW"}
+    rows = []
+    for key in next(iter(content.values())):
+        unit = next((name for end, name in units.items() if key.endswith(f"_{end}")), "")
+        name = key.replace("table_i_", "Table I: ").replace("_", " ")
+        for end in units:
+            name = name.removesuffix(f" {end.replace('_', ' ')}")
+        rows.append([name, unit, *(f"{content[row.name][key]:.6g}" for row, _ in points)])
+    _table(["quantity", "unit", *content], rows)
+
+
 @cli.command(epilog=_examples("acftc design --point med"))
 @click.option("--point", type=click.Choice(["low", "med", "high"]), help="Only this operating point. Default: all.")
 @_json_option
@@ -511,11 +553,9 @@ def _usage(problem: click.ClickException) -> str:
 
 def _explain(problem: Exception) -> int:
     """One line for any exception: its message when it is meant for the user, else where the traceback is."""
-    own = type(problem).__module__.partition(".")[0] in OWN_PACKAGES
-    if own:
-        return _fail(
-            str(problem), getattr(problem, "exit_code", BAD_INPUT if isinstance(problem, ValueError) else FAILED)
-        )
+    if _meant_for_the_user(problem):
+        code = BAD_INPUT if isinstance(problem, ValueError) else FAILED
+        return _fail(str(problem), getattr(problem, "exit_code", code))
     if isinstance(problem, OSError) and problem.strerror:
         where = f"{problem.filename}: " if problem.filename else ""
         return _fail(f"{where}{problem.strerror}", FAILED)
@@ -525,6 +565,17 @@ def _explain(problem: Exception) -> int:
         traceback.print_exception(problem, file=log)
     what = f"{type(problem).__name__}: {problem}"
     return _fail(f"unexpected error, please report it with {name} ({one_line(what)[:200]})", FAILED)
+
+
+def _meant_for_the_user(problem: Exception) -> bool:
+    """Whether the message was written for a user: an error class of ours, or a ValueError that our own code raised."""
+    if type(problem).__module__.partition(".")[0] in OWN_PACKAGES:
+        return True
+    if type(problem) is not ValueError:
+        return False
+    last = traceback.extract_tb(problem.__traceback__)[-1]
+    # A ValueError of numpy's compiled code shows our line as the last one, too, but that line is no raise.
+    return Path(last.filename).parent.name in OWN_PACKAGES and (last.line or "").startswith("raise")
 
 
 def _fail(line: str, code: int) -> int:

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 
@@ -104,3 +105,26 @@ bringup.cli.main(["boom"])
     assert_one_line(result, 1, "unexpected error", "KeyError", str(tmp_path))
     (log,) = tmp_path.glob("acftc-*.log")
     assert "Traceback" in log.read_text()
+
+
+def test_a_value_error_of_our_own_code_is_the_users_and_one_of_numpy_is_not():
+    from bringup.cli import _meant_for_the_user
+    from bringup.profiles import unit_profile
+
+    with pytest.raises(ValueError, match="unknown") as ours:
+        unit_profile(np.arange(3.0), "sudden", 0.0)
+    with pytest.raises(ValueError, match="broadcast") as numpys:
+        unit_profile(np.ones(3), "step", np.ones(2))  # type: ignore[arg-type]
+    assert _meant_for_the_user(ours.value)
+    assert not _meant_for_the_user(numpys.value)
+
+
+def test_equilibria_stand_beside_table_i():
+    result = acftc("equilibria", "--json")
+    assert result.returncode == 0, result.stderr
+    points = json.loads(result.stdout)
+    assert list(points) == ["low", "med", "high"]
+    for point in points.values():
+        assert point["evaporator_pressure_kpa"] == pytest.approx(point["table_i_evaporator_pressure_kpa"], abs=0.05)
+        assert point["superheat_k"] == pytest.approx(20.0, abs=0.02)
+    assert "302.2" in acftc("equilibria").stdout
