@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
+from click.shell_completion import CompletionItem, get_completion_class
 
 from bringup.errors import BringupError, InterruptedRunError, RunError, one_line
 
@@ -73,7 +74,18 @@ def cli() -> None:
 
 # ------------------------------------------------------------------------------------------- shared options
 
-_scenario_argument = click.argument("scenario", metavar="SCENARIO")
+
+class _ScenarioType(click.Path):
+    """A scenario: the shell completes built-in names, then files."""
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        from bringup.scenario import built_in_scenarios
+
+        names = [CompletionItem(name) for name in built_in_scenarios() if name.startswith(incomplete)]
+        return names or super().shell_complete(ctx, param, incomplete)
+
+
+_scenario_argument = click.argument("scenario", metavar="SCENARIO", type=_ScenarioType())
 _passive_option = click.option("--passive", is_flag=True, help="K0 alone: the compensator stays silent.")
 _set_option = click.option(
     "--set",
@@ -367,6 +379,46 @@ def reproduce(out: Path, cycle: Path | None) -> None:
         if not experiment.findings:
             _say(f"{experiment.id}: {experiment.remark}")
     _say(f"wrote {out / 'paper.json'} and {out / 'index.html'}")
+
+
+@cli.command(epilog=_examples("acftc calibrate", "acftc calibrate --json"))
+@_json_option
+def calibrate(as_json: bool) -> None:
+    """Solve the maps of compressor and valve again from Table I, and show them beside the shipped ones."""
+    from ac_plant_node import calibrate as solve
+    from ac_plant_node import load_parameters
+
+    shipped = load_parameters()
+    solved, points = solve(shipped)
+    names = (
+        "eta_v_offset",
+        "eta_v_pressure_ratio",
+        "eta_v_speed",
+        "valve_area_0_m2",
+        "valve_area_1_m2",
+        "valve_area_2_m2",
+    )
+    content = {name: {"solved": solved[name], "shipped": shipped[name]} for name in names}
+    if as_json:
+        _print_json(content)
+        return
+    _table(
+        ["parameter", "solved", "shipped"],
+        [[name, f"{values['solved']:.9g}", f"{values['shipped']:.9g}"] for name, values in content.items()],
+    )
+    _table(
+        ["operating point", "volumetric efficiency", "valve area"],
+        [[point.row.name, f"{point.eta_v:.4f}", f"{1e6 * point.valve_area_m2:.4f} mm²"] for point in points],
+    )
+
+
+@cli.command(epilog=_examples('eval "$(acftc completion bash)"', "acftc completion fish | source"))
+@click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
+def completion(shell: str) -> None:
+    """Print what makes SHELL complete commands, options and scenarios."""
+    make = get_completion_class(shell)
+    assert make is not None  # click knows these three
+    click.echo(make(cli, {}, "acftc", "_ACFTC_COMPLETE").source())
 
 
 # ---------------------------------------------------------------------------------------------- what they share

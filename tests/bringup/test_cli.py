@@ -128,3 +128,11 @@ def test_equilibria_stand_beside_table_i():
         assert point["evaporator_pressure_kpa"] == pytest.approx(point["table_i_evaporator_pressure_kpa"], abs=0.05)
         assert point["superheat_k"] == pytest.approx(20.0, abs=0.02)
     assert "302.2" in acftc("equilibria").stdout
+
+
+def test_the_shell_completes_scenarios():
+    words = {"_ACFTC_COMPLETE": "bash_complete", "COMP_WORDS": "acftc run actu", "COMP_CWORD": "2"}
+    probe = "from bringup.cli import main; main()"
+    result = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=False, env=words)
+    assert result.stdout.split() == ["plain,actuator_fault"], result.stderr
+    assert "_acftc_completion" in acftc("completion", "zsh").stdout
