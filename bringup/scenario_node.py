@@ -5,6 +5,7 @@ import sys
 
 from bringup.node_shell import NodeShell, Parameter, run_node
 from bringup.topics import SCENARIO
+from fdi_node.cache import Arrays, cached, source_fingerprint
 
 PARAMETERS = (
     Parameter("scenario", "nominal", "name of a built-in scenario, path of a scenario file, or a scenario as JSON"),
@@ -19,13 +20,12 @@ class ScenarioNode(NodeShell):
 
     def configure(self) -> None:
         """Turn the scenario into rows."""
-        from ac_plant_node import operating_point
         from bringup.scenario import check, load, program
 
         given = self.value("scenario")
         scenario = check(json.loads(given)) if given.lstrip().startswith("{") else load(given)
-        rest = operating_point(scenario.operating_point)
-        plan = program(scenario, rest.inputs, rest.outputs)
+        rest = rest_at(scenario.operating_point)
+        plan = program(scenario, rest["inputs"], rest["outputs"])
         # Plain floats: a row is sent number by number.
         self._rows = list(zip(plan.reference.tolist(), plan.air.tolist(), plan.faults.tolist(), strict=True))
         self._tick_ns = scenario.tick_ns
@@ -43,6 +43,20 @@ class ScenarioNode(NodeShell):
         self.send(time_ns, "reference/superheat", superheat)
         self.send(time_ns, "scenario/air", mass_flow)
         self.send(time_ns, "scenario/air_inlet_temperature", inlet)
+
+
+def rest_at(point: str) -> Arrays:
+    """Inputs and outputs of the plant at rest, from the cache: finding them needs the compiled plant."""
+    from ac_plant_node import parameters_fingerprint
+
+    def find() -> Arrays:
+        from ac_plant_node import operating_point
+
+        rest = operating_point(point)
+        return {"inputs": rest.inputs, "outputs": rest.outputs}
+
+    key = {"point": point, "plant": parameters_fingerprint(), "code": source_fingerprint("ac_plant_node")}
+    return cached(f"rest-{point}", key, find)
 
 
 def main() -> int:
