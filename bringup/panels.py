@@ -1,6 +1,6 @@
 """What is drawn of a run: which signals, in which unit, in which colour. `plots` and `svg` draw it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,6 +124,13 @@ def instants(recording: Recording) -> tuple[list[float], list[tuple[float, str]]
             isolations.append((row.time_s, row.isolated))
         detected, isolated = row.detected, row.isolated
     return detections, isolations
+
+
+def between(recording: Recording, start_s: float, stop_s: float) -> Recording:
+    """Cut a recording to the ticks from `start_s` to `stop_s`; the detector's rows stay whole."""
+    keep = (recording.time_s >= start_s) & (recording.time_s <= stop_s)
+    series = {key: values[keep] for key, values in recording.series.items()}
+    return replace(recording, time_s=recording.time_s[keep], series=series)
 
 
 def readable_range(recording: Recording, beside: Recording | None, panel: Panel) -> tuple[float, float] | None:

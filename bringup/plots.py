@@ -154,7 +154,7 @@ def _mark_instants(figure: Any, recording: Recording) -> None:
             text="fault ",
             showarrow=False,
             xanchor="right",
-            yanchor="top",
+            yanchor="bottom",
             font={"size": 11, "color": GREY},
         )
     isolations = instants(recording)[1]
@@ -169,7 +169,7 @@ def _mark_instants(figure: Any, recording: Recording) -> None:
             text=" isolated" + ("" if recording.metadata["passive"] else ", Q acts"),
             showarrow=False,
             xanchor="left",
-            yanchor="top",
+            yanchor="bottom",
             font={"size": 11, "color": GREEN},
         )
 

@@ -10,10 +10,12 @@ from typing import Any
 import yaml
 
 from bringup.health import NodeHealth
+from bringup.panels import between
 from bringup.paper import figures_for
 from bringup.plots import time_plots
 from bringup.recording import Recording
-from bringup.summary import WINDOW_S, summarise
+from bringup.summary import WINDOW_S, injected_faults, summarise
+from bringup.svg import charts_of, draw
 
 _METRICS = (
     ("command_change_rpm", "Change of the commanded compressor speed at rest", "rpm", "+.2f"),
@@ -22,6 +24,10 @@ _METRICS = (
     ("peak_superheat_error_k", "Peak of actual superheat off its reference", "K", ".3f"),
     ("steady_superheat_error_k", "Actual superheat minus reference at rest", "K", "+.3f"),
 )
+
+#: What is shown around a fault, and from how long before its onset to how long after, s.
+_DETAILS = ("Compressor speed", "Evaporator pressure", "Expansion valve", "Superheat", "Residual")
+BEFORE_S, AFTER_S = 20.0, 100.0
 
 _FAULT_NAMES = {
     "compressor_speed": "f<sub>N</sub> compressor speed",
@@ -77,6 +83,7 @@ def render(
             div_id="time-plots",
             config={"responsive": True, "displaylogo": False, "toImageButtonOptions": {"format": "svg"}},
         ),
+        details=_details(recording, beside),
         nodes=_nodes_table(health),
         scenario=html.escape(yaml.safe_dump(_without_empty(scenario), sort_keys=False, width=100)),
         command=html.escape(_command(summary)),
@@ -148,6 +155,21 @@ def _faults_table(summary: dict[str, Any]) -> str:
         )
     heads = ["Fault", "Size", "Onset, s", "Detected, s", "Isolated, s", "Isolated as", "Estimate"]
     return "<h2>Faults</h2>" + _table(heads, rows)
+
+
+def _details(recording: Recording, beside: Recording | None) -> str:
+    """Still pictures of the time around each fault, where the transients can be seen."""
+    parts = []
+    for fault in injected_faults(recording):
+        start, stop = fault.onset_s - BEFORE_S, fault.onset_s + AFTER_S
+        cut = between(recording, start, stop)
+        other = None if beside is None else between(beside, start, stop)
+        name = _FAULT_NAMES[fault.kind]
+        parts.append(f"<h2>Around the fault {name}, {fault.onset_s:g} s</h2>")
+        parts.append(
+            f"<div class=scroll>{draw(charts_of(cut, other, _DETAILS), 2, f'Around {fault.onset_s:g} s')}</div>"
+        )
+    return "\n".join(parts)
 
 
 def _nodes_table(health: Sequence[NodeHealth]) -> str:
@@ -247,6 +269,7 @@ _PAGE = Template("""<!DOCTYPE html>
   th, td { padding: .25rem .9rem .25rem 0; vertical-align: top; } td { border-bottom: 1px solid var(--line); }
   .scroll { overflow-x: auto; } .note { font-size: .9rem; color: var(--soft); max-width: 60rem; }
   pre { background: #f6f7f8; padding: .8rem 1rem; overflow-x: auto; font-size: .88rem; }
+  svg { max-width: 100%; height: auto; }
   @media print { body { max-width: none; padding: 0; } .modebar { display: none !important; } h2 { break-after: avoid; }
                  table, .verdict { break-inside: avoid; } }
 </style>
@@ -263,6 +286,7 @@ $metrics
 <h2>Course of the run</h2>
 $note
 $plots
+$details
 $nodes
 <h2>How to run it again</h2>
 <p class="note">Save the scenario as <code>scenario.yaml</code>, then:</p>

@@ -121,14 +121,15 @@ def _panel_chart(recording: Recording, beside: Recording | None, panel: Panel) -
         ends = recording.time_s[[0, -1]]
         for sign, name in ((1.0, "threshold"), (-1.0, "")):
             curves.append(Curve(ends, np.full(2, sign * threshold), name, GREY, "dot", 1.1))
+    first, last = float(recording.time_s[0]), float(recording.time_s[-1])
     marks = [(fault.onset_s, GREY, "dash") for fault in injected_faults(recording)]
     marks += [(at, GREEN, "solid") for at, _ in instants(recording)[1]]
     return Chart(
         title=panel.title,
         curves=curves,
         y_range=readable_range(recording, beside, panel),
-        x_range=(float(recording.time_s[0]), float(recording.time_s[-1])),
-        marks=marks,
+        x_range=(first, last),
+        marks=[mark for mark in marks if first <= mark[0] <= last],
     )
 
 
