@@ -1,24 +1,22 @@
 """Node `ac_plant`: the nonlinear plant, which also beats time for the loop.
 
-lockstep: tick k+1 begins when the command and the air side of tick k have arrived. realtime: tick k+1 begins when the
-wall clock says so; a command that is late by then is counted, and the one before it stays on.
+lockstep: tick k+1 begins when the command and the air side of tick k have arrived; stamps count from 0, and `/clock`
+tells them. realtime: tick k+1 begins when the wall clock says so, and stamps are the wall clock's; a command that is
+late by then is counted as a missed tick, and the one before it stays on (zero-order hold).
 """
 
 import sys
 import time
-from typing import Any
 
 import numpy as np
 
-from bringup.node_shell import OPERATING_POINT, SAMPLE_TIME, NodeShell, Parameter, run_node
+from bringup.node_shell import MODE, OPERATING_POINT, SAMPLE_TIME, NodeShell, Parameter, run_node
 from bringup.topics import CLOCK, PLANT, Topic
 
 PARAMETERS = (
     OPERATING_POINT,
     SAMPLE_TIME,
-    Parameter(
-        "mode", "lockstep", "what a tick waits for: the loop or the wall clock", choices=("lockstep", "realtime")
-    ),
+    MODE,
     Parameter("ticks", 0, "stop after this many ticks; 0: never", low=0, high=2**31 - 1),
 )
 
@@ -28,6 +26,11 @@ class PlantNode(NodeShell):
 
     def __init__(self) -> None:
         super().__init__(PLANT, PARAMETERS)
+        self._tick = 0
+        self._finished = False
+        self._missed = 0
+        self._latencies_s: list[float] = []
+        self._wall_s = 0.0
 
     def configure(self) -> None:
         """Put the plant at rest at its operating point."""
@@ -36,61 +39,95 @@ class PlantNode(NodeShell):
         point = self.value("operating_point")
         rest = operating_point(point)
         self._plant = Plant.at(point)
-        self._inputs = np.array(rest.inputs, dtype=np.float64)
-        self._outputs = np.array(rest.outputs, dtype=np.float64)
+        self._held = np.array(rest.inputs, dtype=np.float64)
+        self._plant_outputs = np.array(rest.outputs, dtype=np.float64)
+        self._realtime: bool = self.value("mode") == "realtime"
         self._sample_time_s: float = self.value("sample_time_s")
         self._tick_ns = round(self._sample_time_s * 1e9)
         self._last_tick: int = self.value("ticks") - 1
-        self._tick = 0
-        self._started_s = time.monotonic()
-        self._wall_s = 0.0
-        self._finished = False
-        self.add_output(Topic("clock", CLOCK, PLANT), "/clock")
-        self.on_tick(
-            ("actuator/command", "scenario/air", "scenario/air_inlet_temperature"),
-            self._commanded,
-        )
+        self._first_ns = 0
+        self._commanded_tick = -1
+        if not self._realtime:
+            self.add_output(Topic("clock", CLOCK, PLANT), "/clock")
+        self.on_tick(("actuator/command", "scenario/air", "scenario/air_inlet_temperature"), self._commanded)
 
     def started(self) -> None:
         """Publish the first tick."""
+        # Compiled code and caches warm up here, not in the first tick.
+        self._plant.step(self._held, self._sample_time_s)
+        from ac_plant_node import Plant
+
+        self._plant = Plant.at(self.value("operating_point"))
+        self.soon(self._begin)
+
+    def _begin(self) -> None:
         self._started_s = time.monotonic()
-        self.create_timer_once(self._publish)
+        if self._realtime:
+            self._first_ns = time.time_ns()
+            self.deadline_s = self._started_s + self._sample_time_s
+        self._publish()
+
+    def stopped(self) -> None:
+        """Let the clock run on without us."""
+        self.deadline_s = float("inf")
 
     def _publish(self) -> None:
-        time_ns = self._tick * self._tick_ns
-        p_e, superheat, wall, p_c = self._outputs.tolist()
-        self.send(time_ns, "clock")
+        time_ns = self._first_ns + self._tick * self._tick_ns
+        p_e, superheat, wall, p_c = self._plant_outputs.tolist()
+        self._published_s = time.monotonic()
+        if not self._realtime:
+            self.send(time_ns, "clock")
         self.send(time_ns, "plant/evaporator_pressure", p_e)
         self.send(time_ns, "plant/superheat", superheat)
         self.send(time_ns, "plant/wall_temperature", wall)
-        self.send(time_ns, "plant/air_inlet_temperature", float(self._inputs[3]))
+        self.send(time_ns, "plant/air_inlet_temperature", float(self._held[3]))
         self.send(time_ns, "plant/condenser_pressure", p_c)
 
     def _commanded(self, time_ns: int, *values: float) -> None:
-        """Advance over tick k, whose inputs are complete, and publish tick k+1."""
-        if time_ns != self._tick * self._tick_ns or self._finished:
+        """Hold the inputs of a tick from now on; in lockstep the tick is over with that."""
+        tick = (time_ns - self._first_ns) // self._tick_ns
+        if tick > self._tick or self._finished:
             return
-        self._inputs[:] = values
+        self._held[:] = values
+        self._commanded_tick = tick
+        if tick == self._tick:
+            self._latencies_s.append(time.monotonic() - self._published_s)
+            if not self._realtime:
+                self._advance()
+
+    def on_deadline(self) -> None:
+        """Begin the next tick of the wall clock with whatever command is there."""
+        self._missed += self._commanded_tick < self._tick
+        self.deadline_s += self._sample_time_s
+        self._advance()
+
+    def _advance(self) -> None:
+        """Step over the tick with the inputs held, and publish the next one."""
         try:
-            self._outputs = self._plant.step(self._inputs, self._sample_time_s)
+            self._plant_outputs = self._plant.step(self._held, self._sample_time_s)
         except ValueError as problem:
-            msg = f"the plant stopped at {time_ns / 1e9:.1f} s: {problem}"
+            msg = f"the plant stopped at {self._tick * self._tick_ns / 1e9:.1f} s: {problem}"
             raise ValueError(msg) from problem
         if self._tick == self._last_tick:
             self._finished = True
             self._wall_s = time.monotonic() - self._started_s
-            self.create_timer_once(self.report_health)
+            self.deadline_s = float("inf")
+            self.soon(self.report_health)
             return
         self._tick += 1
         self._publish()
 
-    def health_values(self) -> dict[str, Any]:
-        """Where the run is."""
+    def health_values(self) -> dict[str, str]:
+        """Where the run is, and how long commands took."""
+        latencies = np.array(self._latencies_s if self._finished and self._latencies_s else [np.nan]) * 1e3
         return {
-            "tick": str(getattr(self, "_tick", 0)),
-            "finished": "true" if getattr(self, "_finished", False) else "false",
-            "wall_seconds": repr(getattr(self, "_wall_s", 0.0)),
-            "missed_ticks": "0",
+            "tick": str(self._tick),
+            "finished": "true" if self._finished else "false",
+            "wall_seconds": repr(self._wall_s),
+            "missed_ticks": str(self._missed),
+            "command_latency_p50_ms": f"{np.percentile(latencies, 50):.3f}",
+            "command_latency_p99_ms": f"{np.percentile(latencies, 99):.3f}",
+            "command_latency_max_ms": f"{np.max(latencies):.3f}",
         }
 
 

@@ -52,6 +52,7 @@ class GraphRun:
     wall_seconds: float  # from the first tick to the last
     start_seconds: float  # from the call to the first tick
     missed_ticks: int
+    latency_ms: tuple[float, float, float]  # measurement -> command: p50, p99, max
     domain: int
 
 
@@ -103,12 +104,14 @@ def run_graph(
                     supervisor.activate(ACTIVATION_ORDER)
                     start_seconds = time.monotonic() - called_s
                     supervisor.wait_until_done(scenario.ticks, progress)
+                    health = supervisor.health[PLANT]
                     result = GraphRun(
                         bag=out_dir / "bag",
                         ticks=scenario.ticks,
-                        wall_seconds=float(supervisor.health[PLANT]["wall_seconds"]),
+                        wall_seconds=float(health["wall_seconds"]),
                         start_seconds=start_seconds,
-                        missed_ticks=int(supervisor.health[PLANT]["missed_ticks"]),
+                        missed_ticks=int(health["missed_ticks"]),
+                        latency_ms=_latencies(health),
                         domain=domain.number,
                     )
             finally:
@@ -121,6 +124,11 @@ def run_graph(
             return result
     finally:
         domain.release()
+
+
+def _latencies(health: Mapping[str, str]) -> tuple[float, float, float]:
+    p50, p99, most = (float(health[f"command_latency_{quantile}_ms"]) for quantile in ("p50", "p99", "max"))
+    return p50, p99, most
 
 
 def node_parameters(scenario: Scenario, out_dir: Path, mode: Mode, passive: bool) -> dict[str, dict[str, Any]]:
@@ -138,7 +146,11 @@ def node_parameters(scenario: Scenario, out_dir: Path, mode: Mode, passive: bool
     }
     return {
         PLANT: {**design, "mode": mode, "ticks": scenario.ticks},
-        INJECTOR: {"noise_std": [float(std) for std in scenario.noise.std], "seed": scenario.noise.seed},
+        INJECTOR: {
+            "sample_time_s": scenario.sample_time_s,
+            "noise_std": [float(std) for std in scenario.noise.std],
+            "seed": scenario.noise.seed,
+        },
         FDI: design,
         COMPENSATOR: {**design, "accommodate": not passive},
         CONTROLLER: design,

@@ -89,6 +89,7 @@ AUTOSTART = Parameter(
     "autostart", True, "configure and activate at once; false leaves that to whoever manages the node"
 )
 OPERATING_POINT = Parameter("operating_point", "med", "operating point of the design", choices=("low", "med", "high"))
+MODE = Parameter("mode", "lockstep", "what a tick waits for: loop or wall clock", choices=("lockstep", "realtime"))
 SAMPLE_TIME = Parameter("sample_time_s", 0.1, "sample time of the loop, s", low=0.01, high=0.1)
 
 
@@ -240,7 +241,7 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
                 if topic.publisher == self.get_name():
                     self.add_output(topic)
         self.configure()
-        self.create_timer_once(self.report_health)
+        self.soon(self.report_health)
 
     def _start(self) -> None:
         self.loop_subscriptions.arrived()  # whatever came before is of no use now
@@ -252,16 +253,16 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         gc.freeze()
         gc.disable()
         self.started()
-        self.create_timer_once(self.report_health)
+        self.soon(self.report_health)
 
     def _stop(self) -> None:
         self.running = False
         self._setup.is_open = True
         gc.enable()
         self.stopped()
-        self.create_timer_once(self.report_health)
+        self.soon(self.report_health)
 
-    def create_timer_once(self, call: Callable[[], None]) -> None:
+    def soon(self, call: Callable[[], None]) -> None:
         """Let the executor call `call` as soon as the present callback is over."""
         if self.executor is not None:
             self.executor.create_task(call)

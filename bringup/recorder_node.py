@@ -13,12 +13,15 @@ from rclpy.serialization import deserialize_message
 
 from bringup.inputs import Subscriptions
 from bringup.messages import stamp_of_cdr
-from bringup.node_shell import DEADLINE_S, DEPTH, LOOP_QOS, PLAIN_QOS, NodeShell, Parameter, run_node
+from bringup.node_shell import DEADLINE_S, DEPTH, LOOP_QOS, MODE, PLAIN_QOS, NodeShell, Parameter, run_node
 from bringup.recorder import BagWriter, RecordedTopic
 from bringup.topics import CLOCK, DIAGNOSTICS, PLANT, RECORDER, TOPICS
 
 #: Far below what the middleware keeps for a slow reader, and below the bag's flush period.
 TAKE_PERIOD_S = 0.02
+
+#: How long after the plant's last tick messages may still come in when the wall clock ends the run, s.
+REALTIME_PATIENCE_S = 0.5
 
 PARAMETERS = (
     Parameter("folder", "bag", "folder of the bag; must not hold one yet"),
@@ -26,7 +29,7 @@ PARAMETERS = (
     Parameter(
         "ticks", 0, "complete after this many messages of each loop topic; 0: when told to", low=0, high=2**31 - 1
     ),
-    Parameter("mode", "lockstep", "as the plant's", choices=("lockstep", "realtime")),
+    MODE,
 )
 
 
@@ -36,7 +39,7 @@ class RecorderNode(NodeShell):
     def __init__(self) -> None:
         super().__init__(RECORDER, PARAMETERS)
         self._bag: BagWriter | None = None
-        self._plant_finished = False
+        self._finished_s: float | None = None
         self._complete = False
 
     def configure(self) -> None:
@@ -67,6 +70,13 @@ class RecorderNode(NodeShell):
         self._raw.take()
         if self._bag is not None:
             self._bag.flush_if_due()
+        if self._finished_s is not None and not self._complete and self._is_complete(self._finished_s):
+            self._complete = True
+            self.report_health()
+
+    def _is_complete(self, finished_s: float) -> bool:
+        """Whether nothing of the run is missing; on the wall clock a late tick may stay away for good."""
+        return not self.missing() or (not self._lockstep and time.monotonic() - finished_s > REALTIME_PATIENCE_S)
 
     def _write(self, messages: list[tuple[int, bytes]]) -> None:
         bag = self._bag
@@ -83,17 +93,13 @@ class RecorderNode(NodeShell):
                 self._last_ns = stamp
             bag.write(number, data, now_ns or stamp, stamp)
         self.health.ticks = bag.counts[0]
-        if self._plant_finished and not self._complete and not self.missing():
-            self._complete = True
-            self.create_timer_once(self.report_health)
 
     def _look_at_health(self, data: bytes) -> None:
         """See from the plant's health report whether the run is over."""
         for status in deserialize_message(data, DiagnosticArray).status:
-            if status.name.endswith(f"/{PLANT}") and any(
-                v.key == "finished" and v.value == "true" for v in status.values
-            ):
-                self._plant_finished = True
+            said = {item.key: item.value for item in status.values}
+            if self._finished_s is None and status.name.endswith(f"/{PLANT}") and said.get("finished") == "true":
+                self._finished_s = time.monotonic()
 
     def missing(self) -> str:
         """Which messages of the run are not in the bag: empty when every one is."""
@@ -120,7 +126,7 @@ class RecorderNode(NodeShell):
         """Whether the bag holds the whole run."""
         return {
             "complete": "true" if self._complete else "false",
-            "missing": self.missing() if self._plant_finished else "",
+            "missing": self.missing() if self._finished_s is not None else "",
         }
 
 

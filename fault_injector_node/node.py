@@ -1,16 +1,46 @@
-"""Node `fault_injector`: sits between plant and loop in both directions."""
+"""Node `fault_injector`: sits between plant and loop in both directions.
+
+Faults come from the scenario and, on top of them, live: set the parameters of a fault (``compressor_speed.profile``,
+``compressor_speed.size_rad_s``, ...) and call the service ``~/compressor_speed`` (std_srvs/SetBool) to start or stop.
+"""
 
 import sys
+from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
+from rclpy.parameter import Parameter as RosParameter
+from std_srvs.srv import SetBool
 
-from bringup.node_shell import NodeShell, Parameter, run_node
-from bringup.topics import INJECTOR
+from bringup.node_shell import SAMPLE_TIME, NodeShell, Parameter, run_node
+from bringup.topics import FAULTS, INJECTOR
 from fault_injector_node.injector import FaultInjector
+from fault_injector_node.live import PROFILES, LiveFault, Shape
+
+_SIZES = {
+    "compressor_speed": ("size_rad_s", "rad/s", 110.0),
+    "evaporator_pressure": ("size_pa", "Pa", 100_000.0),
+}
+
+
+def _live_parameters(fault: str) -> tuple[Parameter, ...]:
+    size, unit, most = _SIZES[fault]
+    return (
+        Parameter(f"{fault}.profile", "step", "how the live fault grows", choices=PROFILES, live=True),
+        Parameter(f"{fault}.{size}", 0.0, f"size of the live fault, {unit}", -most, most, live=True),
+        Parameter(f"{fault}.rise_s", 60.0, "ramp: time to full size", 0.01, 86400.0, live=True),
+        Parameter(f"{fault}.period_s", 60.0, "sine, intermittent: period", 0.01, 86400.0, live=True),
+        Parameter(f"{fault}.time_constant_s", 100.0, "drift, random_walk: time constant", 0.01, 86400.0, live=True),
+        Parameter(f"{fault}.duty_percent", 50.0, "intermittent: share of the period", 0.0, 100.0, live=True),
+        Parameter(f"{fault}.seed", 0, "random_walk: seed", 0, 2**31 - 1, live=True),
+    )
+
 
 PARAMETERS = (
+    SAMPLE_TIME,
     Parameter("noise_std", [0.0, 0.0, 0.0], "standard deviation of the noise on p_e (Pa), superheat (K), T_w (K)"),
     Parameter("seed", 0, "seed of the noise", low=0, high=2**31 - 1),
+    *(parameter for fault in FAULTS for parameter in _live_parameters(fault)),
 )
 #: Ticks whose command may still be on its way.
 MOST_OPEN_TICKS = 100
@@ -21,10 +51,14 @@ class InjectorNode(NodeShell):
 
     def __init__(self) -> None:
         super().__init__(INJECTOR, PARAMETERS)
+        self._live: dict[str, LiveFault] = {}
+        self._switches = [self.create_service(SetBool, f"~/{fault}", partial(self._switch, fault)) for fault in FAULTS]
+        self.add_post_set_parameters_callback(self._changed)
 
     def configure(self) -> None:
         """Make the injector."""
         self._injector = FaultInjector(self.value("noise_std"), self.value("seed"))
+        self._live = {fault: LiveFault(self.value("sample_time_s")) for fault in FAULTS}
         self._f_n: dict[int, float] = {}  # of ticks whose command has not come yet
         self._measured_ns = -1
         self._early: tuple[int, float, float] | None = None  # a command that overtook its tick's measurement
@@ -41,6 +75,9 @@ class InjectorNode(NodeShell):
         self.on_tick(("controller/command",), self._actuate)
 
     def _measure(self, time_ns: int, p_e: float, superheat: float, wall: float, f_n: float, f_p: float) -> None:
+        time_s = time_ns / 1e9
+        f_n += self._live["compressor_speed"].value(time_s)
+        f_p += self._live["evaporator_pressure"].value(time_s)
         self._f_n[time_ns] = f_n
         while len(self._f_n) > MOST_OPEN_TICKS:
             del self._f_n[min(self._f_n)]
@@ -62,6 +99,39 @@ class InjectorNode(NodeShell):
         f_n = self._f_n.pop(time_ns, 0.0)
         actuator = self._injector.actuate(np.array([compressor_speed, valve_opening]), f_n)
         self.send(time_ns, "actuator/command", *actuator.tolist())
+
+    # -- live faults --------------------------------------------------------------------------------------------
+
+    def _shape(self, fault: str) -> Shape:
+        keys = ("profile", "rise_s", "period_s", "time_constant_s", "duty_percent", "seed")
+        return Shape(size=self.value(f"{fault}.{_SIZES[fault][0]}"), **{k: self.value(f"{fault}.{k}") for k in keys})
+
+    def _switch(self, fault: str, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        if fault not in self._live:
+            response.success, response.message = False, f"the node is {self.state}: configure it first"
+            return response
+        if request.data:
+            shape = self._shape(fault)
+            self._live[fault].start(shape)
+            response.message = (
+                f"{fault}: {shape.profile} of {shape.size:g} {_SIZES[fault][1]} starts with the next tick"
+            )
+        else:
+            self._live[fault].stop()
+            response.message = f"{fault}: ends with the next tick"
+        response.success = True
+        return response
+
+    def _changed(self, parameters: Sequence[RosParameter]) -> None:
+        """Let a running live fault follow its parameters."""
+        for fault, live in self._live.items():
+            if any(parameter.name.startswith(f"{fault}.") for parameter in parameters):
+                live.change(self._shape(fault))
+
+    def health_values(self) -> dict[str, str]:
+        """Which live faults are on."""
+        active = [fault for fault, live in self._live.items() if live.is_active]
+        return {"live_faults": ", ".join(active)}
 
 
 def main() -> int:

@@ -103,11 +103,19 @@ def test_killed_recorder_loses_little(tmp_path: Path) -> None:
     assert len(recorded.time_s) > done_before[-2]
 
 
-def test_plant_that_leaves_its_domain_is_a_clear_line(tmp_path: Path) -> None:
-    scenario = load("nominal", ["duration_s=200", "faults=[{kind: compressor_speed, size_rpm: 1000, onset_s: 1}]"])
-    with pytest.raises(RunError, match=r"node ac_plant .*stopped at .* s: .*\(log: "):
-        run_graph(scenario, tmp_path)
+def test_full_disk_is_the_recorders_clear_line(tmp_path: Path) -> None:
+    # A limit on the size of files, inherited by the nodes, fails a write just as a full disk does.
+    limited = "import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+    limited += "resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))\n"
+    process = subprocess.run(
+        [sys.executable, "-c", limited + RUNNER, str(tmp_path)], capture_output=True, text=True, timeout=120
+    )
+    assert process.returncode != 0
+    assert "node recorder died" in process.stderr
+    assert "File too large" in process.stderr
+    assert process.stderr.strip().count("\n") == 0
     assert not processes_that_mention(str(tmp_path))
+    assert len(read_bag(tmp_path).time_s) > 50
 
 
 def test_folder_that_cannot_be_written(scenario: Scenario, tmp_path: Path) -> None:

@@ -23,7 +23,9 @@ finite = st.floats(allow_nan=False, allow_infinity=False)
 scalars_and_joints = st.sampled_from([topic for topic in TOPICS if topic.type != DIAGNOSTICS])
 
 
-@given(topic=scalars_and_joints, values=st.lists(finite, min_size=2, max_size=2), time_ns=st.integers(0, 2**61))
+@given(
+    topic=scalars_and_joints, values=st.lists(finite, min_size=2, max_size=2), time_ns=st.integers(0, 2**31 * 10**9 - 1)
+)
 def test_numbers_pass_bit_for_bit(topic, values, time_ns):
     message, put = writer(topic)
     values = values[: len(topic.series)]
