@@ -6,7 +6,7 @@ and Optimal Control" (1996), section 17.1, which allow any D11; D22 is taken out
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,7 @@ from gimc.errors import (
 )
 from gimc.interconnect import Abcd, Matrix, abcd, lft, state_space
 from gimc.norms import hinf_norm, poles, sweep_norm
-from gimc.riccati import care
+from gimc.riccati import care, hinf_are
 from gimc.scaling import balance_states
 
 RANK_TOLERANCE = 1e-10  # singular values relative to the largest
@@ -155,11 +155,12 @@ def hinf_synthesis(
     _check_numbers(plant, nmeas, ncon, rtol, backoff)
     standard = _standard_form(balance_states(plant), nmeas, ncon)
     best, lower = _bisect(standard, rtol, gamma_max)
-    failures = []
+    failures = ["no level above the optimum found feasible"]
     for level in _levels(standard, best, backoff):
         try:
             controller = _controller(standard, level)
-            return _verified(plant, controller, nmeas, ncon, level.gamma, best.gamma, lower)
+            result = _verified(plant, controller, nmeas, ncon, level.gamma, best.gamma, lower)
+            return _named(result, P, nmeas, ncon)
         except (NormMismatchError, IllPosedError) as error:
             failures.append(str(error))
     raise NormMismatchError(
@@ -296,34 +297,37 @@ def _text(mode: complex) -> str:
 # --- one level --------------------
 
 
-def _solve_level(standard: _Standard, gamma: float, *, refine: bool = False) -> _Level | None:
+def _solve_level(standard: _Standard, gamma: float, *, by_schur: bool = False) -> _Level | None:
     """Riccati solutions X and Y at level gamma, or None where the level is infeasible (Zhou, theorem 17.1)."""
     A, B, C, D = standard.sys
     m1, _, p1, _ = standard.dims
-    B1, C1 = B[:, :m1], C[:p1]
-    Drow, Dcol = D[:p1], D[:, :m1]  # D1. and D.1
-    R = Drow.T @ Drow
-    R[:m1, :m1] -= gamma**2 * np.eye(m1)
-    Rt = Dcol @ Dcol.T
-    Rt[:p1, :p1] -= gamma**2 * np.eye(p1)
-    try:
-        X, F = _feedback(A, B, C1, Drow, R, refine=refine)
-        Y, Lt = _feedback(A.T, C.T, B1.T, Dcol.T, Rt, refine=refine)
-    except (RiccatiError, np.linalg.LinAlgError):
-        return None
-    if not (_nonnegative(A, B[:, m1:], C1, Drow[:, m1:], X) and _nonnegative(A.T, C[p1:].T, B1.T, Dcol[p1:].T, Y)):
-        return None
-    return _Level(gamma, X, Y, F, Lt.T) if _coupling(X, Y) < gamma**2 else None
+    B1, C1, D1, Dt = B[:, :m1], C[:p1], D[:p1], D[:, :m1]  # D1. and D.1
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        try:
+            X, F = _feedback(A, B, C1, D1, m1, gamma, by_schur=by_schur)
+            if not _nonnegative(A, B[:, m1:], C1, D1[:, m1:], X):
+                return None
+            Y, Lt = _feedback(A.T, C.T, B1.T, Dt.T, p1, gamma, by_schur=by_schur)
+            if not _nonnegative(A.T, C[p1:].T, B1.T, Dt[p1:].T, Y):
+                return None
+            return _Level(gamma, X, Y, F, Lt.T) if _coupling(X, Y) < gamma**2 else None
+        except (RiccatiError, np.linalg.LinAlgError):
+            return None
 
 
-def _feedback(A: Matrix, B: Matrix, C1: Matrix, D1: Matrix, R: Matrix, *, refine: bool) -> tuple[Matrix, Matrix]:
+def _feedback(
+    A: Matrix, B: Matrix, C1: Matrix, D1: Matrix, m1: int, gamma: float, *, by_schur: bool
+) -> tuple[Matrix, Matrix]:
     """Solution X of the H-infinity Riccati equation and the feedback `F = -R^-1 (D1' C1 + B' X)`."""
+    R = D1.T @ D1
+    R[:m1, :m1] -= gamma**2 * np.eye(m1)
+    if not by_schur:
+        X = hinf_are(A, B, C1, D1, m1, gamma)
+        return X, -np.linalg.solve(R, D1.T @ C1 + B.T @ X)
     Ri = np.linalg.inv(R)
     cross = Ri @ D1.T @ C1
-    At = A - B @ cross
-    Q = C1.T @ C1 - C1.T @ D1 @ cross
-    G = B @ Ri @ B.T
-    X = care(At, 0.5 * (G + G.T), 0.5 * (Q + Q.T), refine=refine)
+    Q, G = C1.T @ C1 - C1.T @ D1 @ cross, B @ Ri @ B.T
+    X = care(A - B @ cross, 0.5 * (G + G.T), 0.5 * (Q + Q.T), refine=False)
     return X, -cross - Ri @ B.T @ X
 
 
@@ -356,18 +360,18 @@ def _largest(matrix: Matrix) -> float:
 def _bisect(standard: _Standard, rtol: float, gamma_max: float) -> tuple[_Level, float]:
     """Smallest feasible level within `rtol`, and the largest infeasible one below it.
 
-    In exact arithmetic every level above the optimum is feasible. Rounding can make one fail; the bisection then stops
-    too high, so a few levels below its end are tried again, and it goes on from the first that is feasible.
+    In exact arithmetic every level above the optimum is feasible. Rounding can make one fail, and the bisection then
+    stops too high: levels below its end are tried again, by both ways to solve a Riccati equation, and it goes on from
+    the first that is feasible.
     """
     lowest = _parrott_bound(standard)
     best, lower = _first_feasible(standard, lowest, gamma_max), lowest
     while True:
         best, lower = _narrow(standard, best, lower, rtol)
-        again = (
-            _solve_level(standard, best.gamma * factor) for factor in (0.97, 0.9, 0.7) if best.gamma * factor > lowest
-        )
+        below = [best.gamma * factor for factor in (0.995, 0.97) if best.gamma * factor > max(lowest, FLOOR)]
+        again = (_solve_level(standard, gamma, by_schur=route) for gamma in below for route in (True, False))
         found = next((level for level in again if level is not None), None)
-        if found is None or found.gamma <= FLOOR:
+        if found is None:
             return best, lower
         best, lower = found, lowest
 
@@ -397,14 +401,13 @@ def _narrow(standard: _Standard, best: _Level, lower: float, rtol: float) -> tup
 
 
 def _levels(standard: _Standard, best: _Level, backoff: float) -> Iterator[_Level]:
-    """Levels to build a controller for: the back-off asked for, then larger ones."""
+    """Levels to build a controller for: the back-off asked for, then larger ones, by both Riccati solvers."""
     for factor in BACKOFF_LADDER:
-        margin = backoff * factor if factor == 1.0 else max(backoff, 1e-3) * factor
-        level = _solve_level(standard, best.gamma * (1.0 + margin), refine=True)
-        if level is not None:
-            yield level
-    if backoff == 0.0:
-        yield best
+        margin = backoff if factor == 1.0 else max(backoff, 1e-3) * factor
+        for route in (False, True):
+            level = _solve_level(standard, best.gamma * (1.0 + margin), by_schur=route)
+            if level is not None:
+                yield level
 
 
 # --- controller --------------------
@@ -440,6 +443,15 @@ def _absorb_d22(K: Abcd, D22: Matrix) -> Abcd:
     C = np.linalg.solve(loop, D22 @ K.C)
     D = np.linalg.inv(loop)
     return Abcd(K.A - K.B @ C, K.B @ D, K.C - K.D @ C, K.D @ D)
+
+
+def _named(result: HinfResult, P: Any, nmeas: int, ncon: int) -> HinfResult:
+    """Controller with the signal names that a named plant gives it."""
+    inputs, outputs = getattr(P, "output_labels", None), getattr(P, "input_labels", None)
+    if inputs is None or outputs is None:
+        return result
+    named = state_space(abcd(result.controller), inputs=inputs[-nmeas:], outputs=outputs[-ncon:])
+    return replace(result, controller=named)
 
 
 def _verified(plant: Abcd, K: Abcd, nmeas: int, ncon: int, claimed: float, optimal: float, lower: float) -> HinfResult:

@@ -45,7 +45,7 @@ def abcd(sys: Any, *, what: str = "system") -> Abcd:
     if isinstance(sys, Abcd):
         return sys
     if isinstance(sys, control.TransferFunction):
-        sys = control.ss(sys)
+        return _realised(sys, what)
     if not isinstance(sys, control.StateSpace):
         gain = np.atleast_2d(np.asarray(sys, dtype=float))
         return Abcd(np.zeros((0, 0)), np.zeros((0, gain.shape[1])), np.zeros((gain.shape[0], 0)), gain)
@@ -56,6 +56,14 @@ def abcd(sys: Any, *, what: str = "system") -> Abcd:
         if not np.isfinite(matrix).all():
             raise ValueError(f"{what}: {name} has entries that are not finite")
     return matrices
+
+
+def _realised(sys: Any, what: str) -> Abcd:
+    """Realisation of a transfer matrix element by element (not minimal: see `gimc.minimal_realisation`)."""
+    if sys.issiso():
+        return abcd(control.StateSpace(control.ss(sys)), what=what)
+    rows = [[abcd(sys[i, j], what=what) for j in range(sys.ninputs)] for i in range(sys.noutputs)]
+    return generalised_plant(rows)
 
 
 def state_space(matrices: Sequence[ArrayLike], like: Any = None, *, inputs: Any = None, outputs: Any = None) -> Any:

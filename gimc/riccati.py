@@ -1,4 +1,4 @@
-"""Continuous-time algebraic Riccati equation by ordered Schur form, for definite and indefinite quadratic terms."""
+"""Algebraic Riccati equations in continuous time: by ordered Schur form, and by ordered QZ form for H-infinity."""
 
 import warnings
 
@@ -44,11 +44,57 @@ def care(A: Matrix, G: Matrix, Q: Matrix, *, refine: bool = True) -> Matrix:
     raise error
 
 
+def hinf_are(A: Matrix, B: Matrix, C: Matrix, D: Matrix, m1: int, gamma: float) -> Matrix:
+    """Stabilising solution X of the H-infinity Riccati equation of the plant `z = C x + D v` at level gamma.
+
+    `A'X + XA + C'C - (XB + C'D) R^-1 (XB + C'D)' = 0` with `R = D'D - gamma^2 diag(I, 0)`: the first m1 entries of v
+    are disturbances, the others controls. From the deflating subspace of the extended pencil in (x, costate, v, z):
+    Van Dooren (SIAM J. Sci. Stat. Comput. 2, 1981), for H-infinity Benner, Byers, Mehrmann and Xu (Linear Algebra
+    Appl. 425, 2007). R is not inverted and no product of B or C formed, so that a tiny control penalty or measurement
+    noise costs few digits.
+
+    Raises
+    ------
+    RiccatiError
+    """
+    n, m, p = A.shape[0], B.shape[1], C.shape[0]
+    if n == 0:
+        return np.zeros((0, 0))
+    weight = np.where(np.arange(m) < m1, gamma**2, 0.0)
+    size = np.sqrt((B**2).sum(axis=0) + (D**2).sum(axis=0) + weight**2)
+    scales = 1.0 / np.where(size > 0, size, 1.0)  # of v: changes neither x nor the costate
+    Bs, Ds = B * scales, D * scales
+    zeros = np.zeros
+    # Columns v, z and columns x, costate of: x' = Ax + Bv, -costate' = A'costate + C'z, z = Cx + Dv, and optimal v.
+    algebraic = np.block([
+        [Bs, zeros((n, p))],
+        [zeros((n, m)), -C.T],
+        [Ds, -np.eye(p)],
+        [-np.diag(weight * scales**2), Ds.T],
+    ])  # fmt: skip
+    dynamic = np.block([
+        [A, zeros((n, n))],
+        [zeros((n, n)), -A.T],
+        [C, zeros((p, n))],
+        [zeros((m, n)), Bs.T],
+    ])  # fmt: skip
+    left = np.linalg.qr(algebraic, mode="complete")[0][:, m + p :].T
+    try:
+        *_, alpha, beta, _, Z = scipy.linalg.ordqz(left @ dynamic, left[:, : 2 * n], sort="lhp", output="real")
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise RiccatiError(f"eigenvalues of the extended pencil could not be ordered: {error}") from None
+    # Signs by the product: a quotient would overflow for eigenvalues near infinity.
+    if int(((alpha * beta).real < 0).sum()) != n:
+        raise RiccatiError("the extended pencil has eigenvalues on the imaginary axis")
+    return _graph(Z[:n, :n], Z[n:, :n], asymmetry=1e-3)
+
+
 def _symplectic_scales(hamiltonian: Matrix, n: int) -> Matrix:
     """Scales d with `x = d * x_s`, costate `p = p_s / d`, from a general balancing of the moduli."""
     moduli = np.abs(hamiltonian)
     np.fill_diagonal(moduli, 0.0)
-    _, (scales, _) = scipy.linalg.matrix_balance(moduli, separate=True, permute=False)
+    # LAPACK itself: scipy's matrix_balance casts the scales to integers on its way, and large ones overflow.
+    scales = scipy.linalg.lapack.dgebal(moduli, scale=1, permute=0)[3]
     exponents = np.log2(scales)
     return np.asarray(2.0 ** np.round(0.5 * (exponents[:n] - exponents[n:])))
 
@@ -60,24 +106,30 @@ def _stable_graph(A: Matrix, G: Matrix, Q: Matrix) -> Matrix:
     try:
         _, vectors, stable = scipy.linalg.schur(hamiltonian, output="real", sort="lhp")
     except np.linalg.LinAlgError as error:
-        raise RiccatiError(f"eigenvalues of the Hamiltonian could not be ordered: {error}") from None
+        raise RiccatiError(f"the Hamiltonian's eigenvalues could not be ordered: {error}") from None
     if stable != n:
         raise RiccatiError("the Hamiltonian has eigenvalues on the imaginary axis")
-    X1, X2 = vectors[:n, :n], vectors[n:, :n]
+    X = _graph(vectors[:n, :n], vectors[n:, :n], asymmetry=1e-6)
+    if (np.linalg.eigvals(A - G @ X).real >= 0).any():
+        raise RiccatiError("the stable subspace of the Hamiltonian is no graph: X grows without bound")
+    return X
+
+
+def _graph(X1: Matrix, X2: Matrix, *, asymmetry: float) -> Matrix:
+    """Symmetric X with the subspace [X1; X2] (orthonormal columns) as its graph."""
     # A pair on the axis may fall apart into one on either side; the subspace is then not isotropic.
     skew = X1.T @ X2
-    if np.linalg.norm(skew - skew.T) > 1e-6:
-        raise RiccatiError("the Hamiltonian has eigenvalues on the imaginary axis")
+    if np.linalg.norm(skew - skew.T) > asymmetry:
+        raise RiccatiError("there are eigenvalues on the imaginary axis")
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", scipy.linalg.LinAlgWarning)  # judged by what comes out, next
+        warnings.simplefilter("ignore", scipy.linalg.LinAlgWarning)  # judged by what comes out
         try:
             X = scipy.linalg.solve(X1.T, X2.T)
         except np.linalg.LinAlgError:
-            raise RiccatiError("the stable subspace of the Hamiltonian is no graph: X grows without bound") from None
-    X = 0.5 * (X + X.T)
-    if not np.isfinite(X).all() or (np.linalg.eigvals(A - G @ X).real >= 0).any():
-        raise RiccatiError("the stable subspace of the Hamiltonian is no graph: X grows without bound")
-    return np.asarray(X)
+            raise RiccatiError("the stable subspace is no graph: X grows without bound") from None
+    if not np.isfinite(X).all():
+        raise RiccatiError("the stable subspace is no graph: X grows without bound")
+    return np.asarray(0.5 * (X + X.T))
 
 
 def _newton_step(A: Matrix, G: Matrix, Q: Matrix, X: Matrix) -> Matrix:
