@@ -1,14 +1,35 @@
-"""One string that changes whenever the plant does: the key under which designs are cached."""
+"""Strings that change whenever the plant does: keys under which compiled code and designs are cached."""
+
+import hashlib
+from pathlib import Path
 
 from ac_plant_node.parameters import Parameters, digest, load_parameters
 from ac_plant_node.tables import table_identity
 
-MODEL_VERSION = 1
-"""Raised with every change of the model's equations."""
+COMPILED_SOURCES = (
+    "compiled.py",
+    "fingerprint.py",
+    "tables.py",
+    "parameters.py",
+    "lookup.py",
+    "model.py",
+    "integrator.py",
+)
+"""Files whose text compiled code depends on."""
+MODEL_SOURCES = (*COMPILED_SOURCES, "calibration.py", "equilibrium.py", "linear.py")
+"""Files whose text equilibria and linear models depend on."""
+
+
+def source_hash(names: tuple[str, ...]) -> str:
+    """Hash of the text of some of this package's files (16 hex digits)."""
+    total = hashlib.sha256()
+    for name in names:
+        total.update(Path(__file__).with_name(name).read_bytes())
+    return total.hexdigest()[:16]
 
 
 def parameters_fingerprint(parameters: Parameters | None = None) -> str:
-    """Hash of the parameters, the property tables' identity and the version of the model's code (16 hex digits)."""
+    """Hash of the parameters, the property tables' identity and the model's own source (16 hex digits)."""
     parameters = parameters or load_parameters()
-    identity = f"{table_identity(parameters.refrigerant)}/model-{MODEL_VERSION}"
+    identity = f"{table_identity(parameters.refrigerant)}/{source_hash(MODEL_SOURCES)}"
     return digest(parameters.array.tobytes(), identity.encode())[:16]

@@ -1,54 +1,254 @@
-"""Time integration of the plant in compiled code: the loop over substeps never returns to Python."""
+"""Time integration of the plant in compiled code: adaptive, L-stable, conserving, and free of Python loops.
+
+Method: ROS34PW2 of Rang & Angermann, BIT 45 (2005) 761: a Rosenbrock W-method of order 3 in four stages, L-stable and
+stiffly accurate. A W-method keeps its order with an approximate Jacobian, here by forward differences of the compiled
+right-hand side, once a step. It stays stable where zones vanish and the plant gets arbitrarily stiff.
+
+Conservation: the integration vector ``y`` is the state ``s`` of `ac_plant_node.model` with one exchange. The mass of
+the condenser is the total charge minus the evaporator's, so it needs no equation; in its slot the integral of net heat
+and work is carried. Stored energy minus that integral is linear in ``y`` and every Rosenbrock step keeps it.
+
+Step sizes are chosen by error control and do not end where a caller's duration ends: the state between is read from
+the cubic Hermite interpolant of the last step, which keeps linear invariants too. A step with unchanged inputs goes on
+where the last one stopped, so the trajectory does not depend on how a duration is cut.
+"""
 
 import numpy as np
-from numba import njit
 
+from ac_plant_node.compiled import jit
 from ac_plant_node.model import HEAT_IN, N_STATES, POWER, Q_AIR_C, Q_AIR_E, rhs
 
-SUBSTEP_S = 0.02
-"""Length of the classical Runge-Kutta substep (the fastest mode of the plant, about 50 1/s, allows 0.05 s)."""
+DEFAULT_TOLERANCE = 1.0e-5
+"""Local error per step allowed, relative to `ERROR_SCALE`."""
+MIN_STEP_S = 4.0e-3
+"""Steps this short are accepted whatever their error estimate: a kink where a zone vanishes is then passed over."""
+MAX_STEP_S = 20.0
+MAX_ERROR = 1000.0
+"""No step is accepted above this error estimate (in units of the tolerance)."""
+FIRST_STEP_S = 0.1
+"""Longest first step after a change of inputs: one control interval."""
+ERROR_SCALE = np.array([1e-2, 1e3, 1e5, 5.0, 5.0, 1e5, 1e4, 0.1, 1e5, 5.0, 5.0, 5.0])
+"""Sizes of the components of y for error control."""
 
-_JIT = {"cache": True, "error_model": "numpy", "fastmath": False}
+_GAMMA = 4.3586652150845900e-01
+_ALPHA = np.array(
+    [
+        [0.0, 0.0, 0.0, 0.0],
+        [8.7173304301691801e-01, 0.0, 0.0, 0.0],
+        [8.4457060015369423e-01, -1.1299064236484185e-01, 0.0, 0.0],
+        [0.0, 0.0, 1.0, 0.0],
+    ]
+)
+_GAMMAS = np.array(
+    [
+        [_GAMMA, 0.0, 0.0, 0.0],
+        [-8.7173304301691801e-01, _GAMMA, 0.0, 0.0],
+        [-9.0338057013044082e-01, 5.4180672388095326e-02, _GAMMA, 0.0],
+        [2.4212380706095346e-01, -1.2232505839045147e00, 5.4526025533510214e-01, _GAMMA],
+    ]
+)
+_B = np.array([2.4212380706095346e-01, -1.2232505839045147e00, 1.5452602553351020e00, 4.3586652150845900e-01])
+_B_HAT = np.array([3.7810903145819369e-01, -9.6042292212423178e-02, 5.0e-01, 2.1793326075422950e-01])
+# Transformed coefficients, which save the products with the Jacobian (Hairer & Wanner II, IV.7).
+_INV = np.linalg.inv(_GAMMAS)
+_A = _ALPHA @ _INV
+_C = np.diag(np.diag(_INV)) - _INV
+_M = _B @ _INV
+_E = _M - _B_HAT @ _INV
+
+_DIFFERENCE = np.array([1e-8, 1e-3, 1e-1, 1e-5, 1e-5, 1.0, 1e-3, 1e-7, 1e-1, 1e-5, 1e-5, 1e-5])
+
+# Layout of the scalar memory of an integration.
+H_NEXT, H_LAST, T_LAST, MOVED, N_STEPS, N_REJECTED, FRESH, POWERS, TOLERANCE = 0, 1, 2, 3, 4, 5, 6, 7, 8
+N_MEMORY = 9
 
 
-@njit(**_JIT)
-def march(s, w, par, tab, guess, z, work, aux, tally, n, h):  # type: ignore[no-untyped-def]
-    """`n` Runge-Kutta substeps of length `h` with inputs `w` held; `s` and `tally` are updated in place.
+@jit
+def _rate(y, charge, w, par, tab, guess, z, s, dy, aux):  # type: ignore[no-untyped-def]
+    """Right-hand side in terms of the integration vector y."""
+    for i in range(N_STATES):
+        s[i] = y[i]
+    s[5] = charge - y[0]
+    status = rhs(s, w, par, tab, guess, z, dy, aux)
+    dy[5] = aux[HEAT_IN]
+    return status
 
-    `tally` holds the integrals of net heat and work, and of their magnitudes (J), by the same quadrature as the state:
-    stored energy minus the first is constant to round-off.
 
-    Returns 0, or 1 when the state left what the tables hold.
+@jit
+def _factor(a, pivots):  # type: ignore[no-untyped-def]
+    """LU factors of `a` in place, rows exchanged; False when singular."""
+    n = a.shape[0]
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if abs(a[i, k]) > abs(a[pivot, k]):
+                pivot = i
+        pivots[k] = pivot
+        if a[pivot, k] == 0.0:
+            return False
+        if pivot != k:
+            for j in range(n):
+                a[k, j], a[pivot, j] = a[pivot, j], a[k, j]
+        inv = 1.0 / a[k, k]
+        for i in range(k + 1, n):
+            if a[i, k] != 0.0:
+                a[i, k] *= inv
+                f = a[i, k]
+                for j in range(k + 1, n):
+                    a[i, j] -= f * a[k, j]
+    return True
+
+
+@jit
+def _substitute(a, pivots, b):  # type: ignore[no-untyped-def]
+    n = a.shape[0]
+    for k in range(n):
+        p = pivots[k]
+        if p != k:
+            b[k], b[p] = b[p], b[k]
+    for k in range(n):
+        for i in range(k + 1, n):
+            b[i] -= a[i, k] * b[k]
+    for k in range(n - 1, -1, -1):
+        v = b[k]
+        for j in range(k + 1, n):
+            v -= a[k, j] * b[j]
+        b[k] = v / a[k, k]
+
+
+@jit
+def _advance_once(y0, y1, f0, f1, jac, lu, u, trial, s, pivots, memory, charge, w, par, tab, guess, z, aux):  # type: ignore[no-untyped-def]
+    """One accepted step from y0 (rate f0 known) to y1 (rate f1); sizes in `memory`. 0, or 1 when none worked."""
+    n = N_STATES
+    # Jacobian by forward differences in the direction away from zero rates of change: columns of y.
+    for j in range(n):
+        if j == 5:
+            for i in range(n):
+                jac[i, j] = 0.0
+            continue
+        for i in range(n):
+            trial[i] = y0[i]
+        d = _DIFFERENCE[j]
+        trial[j] += d
+        if _rate(trial, charge, w, par, tab, guess, z, s, u[0], aux) != 0:
+            d = -d
+            trial[j] = y0[j] + d
+            _rate(trial, charge, w, par, tab, guess, z, s, u[0], aux)
+        inv = 1.0 / (trial[j] - y0[j])
+        for i in range(n):
+            jac[i, j] = (u[0, i] - f0[i]) * inv
+    h = memory[H_NEXT]
+    rejected = False
+    for _ in range(40):
+        diagonal = 1.0 / (_GAMMA * h)
+        for i in range(n):
+            for j in range(n):
+                lu[i, j] = -jac[i, j]
+            lu[i, i] += diagonal
+        ok = _factor(lu, pivots)
+        if ok:
+            for stage in range(4):
+                if stage == 0:
+                    for i in range(n):
+                        u[0, i] = f0[i]
+                else:
+                    for i in range(n):
+                        v = y0[i]
+                        for k in range(stage):
+                            v += _A[stage, k] * u[k, i]
+                        trial[i] = v
+                    if _rate(trial, charge, w, par, tab, guess, z, s, u[stage], aux) != 0:
+                        ok = False
+                        break
+                    for i in range(n):
+                        v = 0.0
+                        for k in range(stage):
+                            v += _C[stage, k] * u[k, i]
+                        u[stage, i] += v / h
+                _substitute(lu, pivots, u[stage])
+        error = 0.0
+        if ok:
+            for i in range(n):
+                v = y0[i]
+                e = 0.0
+                for k in range(4):
+                    v += _M[k] * u[k, i]
+                    e += _E[k] * u[k, i]
+                y1[i] = v
+                e /= ERROR_SCALE[i] * memory[TOLERANCE]
+                error += e * e
+            error = np.sqrt(error / n)
+            ok = error == error and _rate(y1, charge, w, par, tab, guess, z, s, f1, aux) == 0
+        if ok and (error <= 1.0 or (h <= MIN_STEP_S * 1.0001 and error < MAX_ERROR)):
+            grow = 0.9 * max(error, 1.0e-4) ** (-1.0 / 3.0)
+            limit = 1.0 if rejected else 5.0
+            memory[H_LAST] = h
+            memory[H_NEXT] = min(max(h * min(max(grow, 0.2), limit), MIN_STEP_S), MAX_STEP_S)
+            memory[N_STEPS] += 1.0
+            return 0
+        memory[N_REJECTED] += 1.0
+        rejected = True
+        if ok:
+            shorter = h * max(0.9 * error ** (-1.0 / 3.0), 0.1)
+            h = max(shorter, MIN_STEP_S) if h > MIN_STEP_S * 1.0001 else shorter
+        else:
+            h *= 0.25
+            if h < 1.0e-7:
+                return 1
+    return 1
+
+
+@jit
+def run(y, y0, y1, f0, f1, jac, lu, u, trial, s, pivots, memory, charge, w, par, tab, guess, z, aux, until):  # type: ignore[no-untyped-def]
+    """Bring `y` to `until` seconds after the last change of inputs; results at that time in `y` and `aux`.
+
+    Returns 0, or 1 when the state cannot be continued inside the property tables.
     """
-    k1, k2, k3, k4, trial = work[0], work[1], work[2], work[3], work[4]
-    for _ in range(n):
-        status = rhs(s, w, par, tab, guess, z, k1, aux)
-        heat = aux[HEAT_IN]
-        moved = abs(aux[Q_AIR_E]) + abs(aux[Q_AIR_C]) + abs(aux[POWER])
+    if memory[FRESH] != 0.0:
+        # Inputs have changed: restart from where we are.
         for i in range(N_STATES):
-            trial[i] = s[i] + 0.5 * h * k1[i]
-        status = max(status, rhs(trial, w, par, tab, guess, z, k2, aux))
-        heat += 2.0 * aux[HEAT_IN]
-        moved += 2.0 * (abs(aux[Q_AIR_E]) + abs(aux[Q_AIR_C]) + abs(aux[POWER]))
+            y0[i] = y[i]
+            y1[i] = y[i]
+        if _rate(y1, charge, w, par, tab, guess, z, s, f1, aux) != 0:
+            return 1
+        memory[POWERS] = abs(aux[Q_AIR_E]) + abs(aux[Q_AIR_C]) + abs(aux[POWER])
+        memory[T_LAST], memory[H_LAST] = 0.0, 0.0
+        memory[H_NEXT] = min(memory[H_NEXT], FIRST_STEP_S)
+        memory[FRESH] = 0.0
+    while memory[T_LAST] + memory[H_LAST] < until:
+        memory[T_LAST] += memory[H_LAST]
         for i in range(N_STATES):
-            trial[i] = s[i] + 0.5 * h * k2[i]
-        status = max(status, rhs(trial, w, par, tab, guess, z, k3, aux))
-        heat += 2.0 * aux[HEAT_IN]
-        moved += 2.0 * (abs(aux[Q_AIR_E]) + abs(aux[Q_AIR_C]) + abs(aux[POWER]))
+            y0[i] = y1[i]
+            f0[i] = f1[i]
+        if _advance_once(y0, y1, f0, f1, jac, lu, u, trial, s, pivots, memory, charge, w, par, tab, guess, z, aux) != 0:
+            return 1
+        powers = abs(aux[Q_AIR_E]) + abs(aux[Q_AIR_C]) + abs(aux[POWER])
+        memory[MOVED] += 0.5 * memory[H_LAST] * (powers + memory[POWERS])
+        memory[POWERS] = powers
+    h = memory[H_LAST]
+    if h > 0.0:
+        t = (until - memory[T_LAST]) / h
+        a = t * t * (3.0 - 2.0 * t)
+        b = t * (1.0 - t) * (1.0 - t) * h
+        c = t * t * (t - 1.0) * h
         for i in range(N_STATES):
-            trial[i] = s[i] + h * k3[i]
-        status = max(status, rhs(trial, w, par, tab, guess, z, k4, aux))
-        heat += aux[HEAT_IN]
-        moved += abs(aux[Q_AIR_E]) + abs(aux[Q_AIR_C]) + abs(aux[POWER])
-        for i in range(N_STATES):
-            s[i] += h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
-        tally[0] += h / 6.0 * heat
-        tally[1] += h / 6.0 * moved
-        if status != 0:
-            return status
-    return rhs(s, w, par, tab, guess, z, work[0], aux)
+            y[i] = y0[i] + a * (y1[i] - y0[i]) + b * f0[i] + c * f1[i]
+    # Reading results must not disturb the steps to come: the solver's warm start stays theirs.
+    guess_e, guess_c = guess[0], guess[1]
+    status = _rate(y, charge, w, par, tab, guess, z, s, trial, aux)
+    guess[0], guess[1] = guess_e, guess_c
+    return status
 
 
-def new_work() -> np.ndarray:
-    """Work space of `march`."""
-    return np.zeros((5, N_STATES))
+def new_work(tolerance: float = DEFAULT_TOLERANCE) -> tuple[np.ndarray, ...]:
+    """Arrays y0, y1, f0, f1, jac, lu, u, trial, s, pivots, memory of `run`."""
+    n = N_STATES
+    vectors = [np.zeros(n) for _ in range(4)]
+    memory = np.zeros(N_MEMORY)
+    memory[H_NEXT] = 0.02
+    memory[FRESH] = 1.0
+    memory[TOLERANCE] = tolerance
+    return (
+        *vectors, np.zeros((n, n)), np.zeros((n, n)), np.zeros((4, n)), np.zeros(n), np.zeros(n),
+        np.zeros(n, dtype=np.int64), memory,
+    )  # fmt: skip

@@ -7,13 +7,10 @@ reports a pressure that *stays* outside.
 
 import math
 
-from numba import njit
-
-# Every function here is part of one compiled right-hand side.
-_JIT = {"cache": True, "error_model": "numpy", "fastmath": False}
+from ac_plant_node.compiled import jit
 
 
-@njit(**_JIT)
+@jit
 def saturation(tab, p):  # type: ignore[no-untyped-def]
     """Saturation line at pressure `p`.
 
@@ -46,7 +43,7 @@ def saturation(tab, p):  # type: ignore[no-untyped-def]
     return temp, h_f, h_g, r_f, r_g, s_f, s_g, temp_p, h_f_p, h_g_p, r_f_p, r_g_p, s_f_p, s_g_p, lnp
 
 
-@njit(**_JIT)
+@jit
 def _bicubic(c, t, u):  # type: ignore[no-untyped-def]
     """Value and the two slopes of one patch at cell coordinates t, u."""
     a0 = c[0] + u * (c[1] + u * (c[2] + u * c[3]))
@@ -63,7 +60,7 @@ def _bicubic(c, t, u):  # type: ignore[no-untyped-def]
     return f, f_t, f_u
 
 
-@njit(**_JIT)
+@jit
 def _patch_value(table, q, x, y):  # type: ignore[no-untyped-def]
     """Value and slopes in cell units; past the last row or column of cells the surface goes on as its tangent."""
     nx, ny = table.shape[0], table.shape[1]
@@ -76,7 +73,7 @@ def _patch_value(table, q, x, y):  # type: ignore[no-untyped-def]
     return f + f_t * (t - tc) + f_u * (u - uc), f_t, f_u
 
 
-@njit(**_JIT)
+@jit
 def vapour(tab, p, lnp, h, h_g, h_g_p):  # type: ignore[no-untyped-def]
     """Superheated vapour at (p, h): rho, d(rho)/dp at h, d(rho)/dh at p, T."""
     x = (lnp - tab.grid[0]) * tab.grid[2]
@@ -89,7 +86,7 @@ def vapour(tab, p, lnp, h, h_g, h_g_p):  # type: ignore[no-untyped-def]
     return rho, rho / p - rho / z * z_p, -rho / z * z_h, temp
 
 
-@njit(**_JIT)
+@jit
 def vapour_entropy(tab, p, lnp, h, h_g, h_g_p):  # type: ignore[no-untyped-def]
     """Superheated vapour at (p, h): s, ds/dp at h, ds/dh at p."""
     s, s_x, s_y = _patch_value(tab.vapour, 2, (lnp - tab.grid[0]) * tab.grid[2], (h - h_g) * tab.grid[3])
@@ -97,7 +94,7 @@ def vapour_entropy(tab, p, lnp, h, h_g, h_g_p):  # type: ignore[no-untyped-def]
     return s, s_x * tab.grid[2] / p - s_h * h_g_p, s_h
 
 
-@njit(**_JIT)
+@jit
 def isentrope(tab, p, lnp, s, h_g, h_g_p, s_g, s_g_p, t_sat):  # type: ignore[no-untyped-def]
     """Enthalpy at (p, s): h, dh/dp at s, dh/ds at p; below saturated vapour along the two-phase isobar dh = T ds."""
     if s < s_g:
@@ -107,7 +104,7 @@ def isentrope(tab, p, lnp, s, h_g, h_g_p, s_g, s_g_p, t_sat):  # type: ignore[no
     return h_g + d, h_g_p + d_x * tab.grid[2] / p - h_s * s_g_p, h_s
 
 
-@njit(**_JIT)
+@jit
 def liquid(tab, p, lnp, h, h_f, h_f_p):  # type: ignore[no-untyped-def]
     """Subcooled liquid at (p, h): rho, d(rho)/dp at h, d(rho)/dh at p, T."""
     span = h_f - tab.grid[6]

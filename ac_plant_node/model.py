@@ -37,13 +37,10 @@ Zivi, ASME J. Heat Transfer 86 (1964) 247 (void fraction); McKinley & Alleyne, I
 import math
 
 import numpy as np
-from numba import njit
 
+from ac_plant_node.compiled import jit
 from ac_plant_node.lookup import isentrope, liquid, saturation, vapour, vapour_entropy
 from ac_plant_node.parameters import INDEX
-
-MODEL_VERSION = 1
-"""Raised with every change of the equations: part of `ac_plant_node.parameters_fingerprint`."""
 
 N_STATES = 12
 STATE_NAMES = (
@@ -77,7 +74,11 @@ _CD = INDEX["valve_discharge_coefficient"]
 
 # Numerical regularisation, all of it in rows that carry neither mass nor energy.
 _ZETA_FLOOR = 0.02  # a vanishing zone answers as if it had at least this length
-_TAU_OUTLET_S = 0.5  # lag of an outlet enthalpy whose zone is absent
+_CP_VAPOUR = 1.0e3  # J/(kg K): turns a temperature into an enthalpy where only the order of size matters
+_ZETA_RATE = 5.0  # 1/s: fastest relative change of the condenser's first zone
+_ZETA_C1_MAX = 0.9  # longest first zone of the condenser
+_TAU_OUTLET_S = 0.05  # lag of an outlet enthalpy whose zone is absent
+_TAU_MIXED_S = 0.5  # lag with which a heat exchanger full of vapour becomes one well-mixed volume
 _TAU_WALL_S = 5.0  # lag with which the wall of an absent zone joins its neighbour's temperature
 _UPWIND_RATE = 0.01  # 1/s: zone boundaries slower than this carry the mean of both wall temperatures
 _SUPERHEAT_FLOOR = 2.0e3  # J/kg: least mean superheat that the condenser's first zone is divided by
@@ -90,11 +91,10 @@ _P_LOW_PA, _P_LOW_SPAN_PA = 20.0e3, 30.0e3  # suction pressure at which the comp
 _HIGH_CUT_START, _HIGH_CUT_END = 0.83, 0.91  # discharge pressure limiter, over the highest tabulated pressure
 _CHOKE_RATIO = 0.55  # critical pressure ratio of vapour through the valve
 
-_JIT = {"cache": True, "error_model": "numpy", "fastmath": False}
 _PI2 = 2.0 * math.pi
 
 
-@njit(**_JIT)
+@jit
 def mean_void(slip, x1):  # type: ignore[no-untyped-def]
     """Mean of Zivi's void fraction between qualities `x1` and 1, with d/d(slip) and d/d(x1).
 
@@ -109,7 +109,7 @@ def mean_void(slip, x1):  # type: ignore[no-untyped-def]
     return mean, d_slip, (mean - x1 / b) / dry
 
 
-@njit(**_JIT)
+@jit
 def _mixture(rbar, ra, rb, ha, hb, ra_p, rb_p, ha_p, hb_p):  # type: ignore[no-untyped-def]
     """Fill a volume with two materials of densities ra, rb and volumetric enthalpies ha, hb at mean density `rbar`.
 
@@ -122,7 +122,7 @@ def _mixture(rbar, ra, rb, ha, hb, ra_p, rb_p, ha_p, hb_p):  # type: ignore[no-u
     return share, hb + share * (ha - hb), share * ha_p + (1.0 - share) * hb_p + (ha - hb) * share_p, slope
 
 
-@njit(**_JIT)
+@jit
 def _evaporator_at(p, rbar, e, h2, h4, tab):  # type: ignore[no-untyped-def]
     """Zones of the evaporator at a trial pressure.
 
@@ -171,8 +171,9 @@ def _evaporator_at(p, rbar, e, h2, h4, tab):  # type: ignore[no-untyped-def]
         zeta = 0.0
         void = 1.0
         hm = (e + p) / rbar
-        r2, r2_pp, r2_h, t2 = vapour(tab, p, lnp, hm, hg, hg_p)
-        residual = rbar * (rbar - r2) / r2_h
+        dry = max(hm, hg)  # below saturated vapour the table ends: its edge keeps the residual's sign right
+        r2, r2_pp, r2_h, t2 = vapour(tab, p, lnp, dry, hg, hg_p)
+        residual = rbar * (dry - hm + (rbar - r2) / r2_h)
         h_p = -rbar * r2_pp / r2_h
         slope = hm + rbar / r2_h
     return (
@@ -182,7 +183,7 @@ def _evaporator_at(p, rbar, e, h2, h4, tab):  # type: ignore[no-untyped-def]
     )  # fmt: skip
 
 
-@njit(**_JIT)
+@jit
 def _condenser_at(p, rbar, e, zeta1, h3, s1, he, eta, tab):  # type: ignore[no-untyped-def]
     """Zones of the condenser at a trial pressure, as `_evaporator_at`.
 
@@ -239,14 +240,16 @@ def _condenser_at(p, rbar, e, zeta1, h3, s1, he, eta, tab):  # type: ignore[no-u
         regime = 2
         zeta2 = rest
         void_rest = 1.0
-        h_rest = er / max(rr, 0.1 * rg)
-        r2, r2_pp, r2_h, t2 = vapour(tab, p, lnp, h_rest, hg, hg_p)
-        residual = rest * rr * (rr - r2) / r2_h
-        h_p = -rr * r2_pp / r2_h
-        slope = h_rest + rr / r2_h
+        h_rest = (e + p) / rbar
+        dry = max(h_rest, hg)
+        r2, r2_pp, r2_h, t2 = vapour(tab, p, lnp, dry, hg, hg_p)
+        residual = rbar * (dry - h_rest + (rbar - r2) / r2_h)
+        slope = h_rest + rbar / r2_h
+        h_p, total_p = 0.0, -rbar * r2_pp / r2_h - 1.0
         h = er
-    # Total slope: the rest's density moves with p as the first zone's does.
-    total_p = rest * (h_p + slope * rr_p) + zeta1 * e1_p - 1.0
+    if regime < 2:
+        # Total slope: the rest's density moves with p as the first zone's does.
+        total_p = rest * (h_p + slope * rr_p) + zeta1 * e1_p - 1.0
     return (
         residual, total_p, slope, regime, zeta2, void_rest, h_rest,
         t, hf, hg, rf, rg, hf_p, hg_p, lnp, hd, hd_p, hd_s, hd_h, half, hm1, hm1_p, r1, r1_pp, r1_h, t1, r1_p, e1, e1_p,
@@ -254,7 +257,7 @@ def _condenser_at(p, rbar, e, zeta1, h3, s1, he, eta, tab):  # type: ignore[no-u
     )  # fmt: skip
 
 
-@njit(**_JIT)
+@jit
 def _next_pressure(p, residual, slope, low, high):  # type: ignore[no-untyped-def]
     """Newton's next pressure, or the middle of the bracket when the step leaves it."""
     trial = p - residual / slope if slope > 0.0 else -1.0
@@ -263,7 +266,7 @@ def _next_pressure(p, residual, slope, low, high):  # type: ignore[no-untyped-de
     return 0.5 * (low + high)
 
 
-@njit(**_JIT)
+@jit
 def _smooth_root(dp):  # type: ignore[no-untyped-def]
     """``sqrt(dp)`` for positive `dp`, linear near zero, zero below."""
     if dp <= 0.0:
@@ -271,20 +274,20 @@ def _smooth_root(dp):  # type: ignore[no-untyped-def]
     return dp / (dp * dp + _DP_SMOOTH_PA * _DP_SMOOTH_PA) ** 0.25
 
 
-@njit(**_JIT)
+@jit
 def _ramp(x):  # type: ignore[no-untyped-def]
     """Smooth step from 0 at 0 to 1 at 1."""
     x = min(max(x, 0.0), 1.0)
     return x * x * (3.0 - 2.0 * x)
 
 
-@njit(**_JIT)
+@jit
 def _upwind(rate):  # type: ignore[no-untyped-def]
     """Share of the far side's wall temperature that a zone boundary moving outwards at `rate` (1/s) picks up."""
     return 0.5 * (1.0 + rate / math.sqrt(rate * rate + _UPWIND_RATE * _UPWIND_RATE))
 
 
-@njit(**_JIT)
+@jit
 def _solve(a, n):  # type: ignore[no-untyped-def]
     """Solve the n x n system in the n x (n+1) array `a` in place (Gauss, partial pivoting); result in column n."""
     for k in range(n):
@@ -308,21 +311,21 @@ def _solve(a, n):  # type: ignore[no-untyped-def]
         a[k, n] = b / a[k, k]
 
 
-@njit(**_JIT)
+@jit
 def eta_volumetric(par, ratio, speed_krpm):  # type: ignore[no-untyped-def]
     """Volumetric efficiency map ``a + b (PR - 4) + c (1 - 1000 rpm / N)``, kept between 0 and 1."""
     eta = par[_EV0] + par[_EV1] * (ratio - 4.0) + par[_EV2] * (1.0 - 1.0 / max(speed_krpm, _SPEED_FLOOR))
     return min(max(eta, 0.0), 1.0)
 
 
-@njit(**_JIT)
+@jit
 def valve_area(par, opening):  # type: ignore[no-untyped-def]
     """Flow area over opening (0..1): a quadratic through the calibrated points, closing linearly below 10 %."""
     area = par[_AV0] + opening * (par[_AV1] + opening * par[_AV2])
     return max(area, 0.0) * min(opening * 10.0, 1.0)
 
 
-@njit(**_JIT)
+@jit
 def rhs(s, w, par, tab, guess, z, ds, aux):  # type: ignore[no-untyped-def]
     """Time derivative of the integration state.
 
@@ -351,6 +354,7 @@ def rhs(s, w, par, tab, guess, z, ds, aux):  # type: ignore[no-untyped-def]
     """
     p_low, p_high = tab.grid[7], tab.grid[8]
     # --- evaporator: pressure from mass and energy -----------------------------------------------------------------
+    guess_e, guess_c = guess[0], guess[1]
     ve, h2, h4 = par[_VE], s[2], s[8]
     rbar_e, e_e = s[0] / ve, s[1] / ve
     p, low, high = min(max(guess[0], p_low), p_high), p_low, p_high
@@ -415,6 +419,8 @@ def rhs(s, w, par, tab, guess, z, ds, aux):  # type: ignore[no-untyped-def]
     pc = p
     guess[1] = pc
     status = max(status, status_c)
+    if status != 0:
+        guess[0], guess[1] = guess_e, guess_c
     zeta_c3 = 1.0 - zc1 - zeta_c2 if regime_c == 0 else 0.0
     zeta_e2 = 1.0 - zeta_e
     # --- flows -----------------------------------------------------------------------------------------------------
@@ -452,6 +458,9 @@ def rhs(s, w, par, tab, guess, z, ds, aux):  # type: ignore[no-untyped-def]
     q_c3 = par[_AC] * par[_CSC] * (tw_c3 - t3_c)
     q_e = zeta_e * q_e1 + zeta_e2 * q_e2
     q_c = zc1 * q_c1 + zeta_c2 * q_c2 + zeta_c3 * q_c3
+    if regime_c == 2:
+        q_c1 = par[_AC] * par[_CSH] * (tw_c1 - t2_c)
+        q_c = zc1 * q_c1 + zeta_c2 * q_c2
     air = max(w[2], 1.0e-6)
     g_e = air * par[_CP]
     g_e *= 1.0 - math.exp(-par[_EUA] * (air / par[_EMA]) ** par[_EXP] / g_e)
@@ -464,91 +473,122 @@ def rhs(s, w, par, tab, guess, z, ds, aux):  # type: ignore[no-untyped-def]
     dm_e, du_e = m_v - m_c, m_v * h3 - m_c * h2 + q_e
     dm_c, du_c = m_c - m_v, m_c * hd - m_v * h3 + q_c
     # --- descriptor system for [p_e, zeta_e1, h_e2, p_c, zeta_c1, zeta_c2, h_c3] -----------------------------------
-    for i in range(7):
-        for j in range(8):
-            z[i, j] = 0.0
-    if regime_e == 0:
-        z[0, 0] = zeta_e * r1_pe + zeta_e2 * r2_pe
-        z[0, 1] = r1_e - r2_e
-        z[0, 2] = zeta_e2 * half_e * r2_he
-        z[0, 6] = zeta_e * (rg_e - rf_e) * void_h
-        z[0, 7] = dm_e / ve
-        z[1, 0] = zeta_e * e1_pe + zeta_e2 * e2_pe - 1.0
-        z[1, 1] = e1_e - r2_e * hm_e
-        z[1, 2] = zeta_e2 * half_e * (r2_e + hm_e * r2_he)
-        z[1, 6] = zeta_e * (rg_e * hg_e - rf_e * hf_e) * void_h
-        z[1, 7] = du_e / ve
-        over = hm_e - hg_e
-        z[2, 0] = zeta_e2 * (r2_e * hm_pe + over * r2_pe - 1.0)
-        z[2, 1] = -over * r2_e
-        z[2, 2] = max(zeta_e2, _ZETA_FLOOR) * 0.5 * (r2_e + over * r2_he)
-        z[2, 7] = (m_c * (hg_e - h2) + zeta_e2 * q_e2) / ve
-    else:
-        z[0, 0] = slope_pe
-        z[0, 7] = (du_e - slope_re * dm_e) / ve
-        z[1, 1] = 1.0
-        z[2, 2] = 1.0
-        if regime_e == 1:
-            # Liquid beyond what complete evaporation holds leaves with the vapour: slope of Zivi's profile at x = 1.
-            full, _, _ = mean_void((rg_e / rf_e) ** (2.0 / 3.0), x4)
-            wet = min((1.0 - x4) * (full - void_e) / (1.0 - full), 1.0 - _X_OUTLET_MIN)
-            target = hg_e - wet * (hg_e - hf_e)
-        else:
-            target = hm_e
-        z[2, 7] = (target - h2) / _TAU_OUTLET_S
+    target_e, target_c = hm_e, h_rest
+    # The linear profile must not carry the outlet below saturation, nor above every temperature around it (it would,
+    # with no flow, where the profile is flat in truth).
+    beyond_e = min(h2 - hg_e, 0.0) + _CP_VAPOUR * max(te + superheat - max(t_air, tw_e1, tw_e2), 0.0)
+    if regime_e == 1:
+        # Liquid beyond what complete evaporation holds leaves with the vapour: slope of Zivi's profile at x = 1.
+        full, _, _ = mean_void((rg_e / rf_e) ** (2.0 / 3.0), x4)
+        wet = min((1.0 - x4) * (full - void_e) / (1.0 - full), 1.0 - _X_OUTLET_MIN)
+        target_e = hg_e - wet * (hg_e - hf_e)
+    if regime_c == 1:
+        # Vapour beyond what complete condensation holds leaves with the liquid: slope of Zivi's profile at x = 0.
+        y = (void_c - void_full) / (1.0 - void_full)
+        x_out = y * ((1.0 - void_full) / void_full * (1.0 - y) + y)
+        target_c = hf_c + x_out * (hg_c - hf_c)
+    # Rows 2, 5, 6 (no mass, no energy in them) take what crosses a zone boundary from upwind, and keep the first zone
+    # of the condenser from overrunning the others; both are decided by the solution, so it may take a second pass.
+    over, over_1, under = hm_e - hg_e, hm1 - hg_c, hm3 - hf_c
     c_pe = hd_s * s1_p
     c_h2 = hd_s * s1_h + hd_h
-    over_1 = hm1 - hg_c
-    if regime_c == 0:
-        r_m = zc1 * r1_hc * half_1
-        e_m = zc1 * (r1_c + hm1 * r1_hc) * half_1
-        z[3, 0] = r_m * c_pe
-        z[3, 2] = r_m * c_h2
-        z[3, 3] = zc1 * r1_pc + zeta_c2 * r2_pc + zeta_c3 * r3_pc
-        z[3, 4] = r1_c - r3_c
-        z[3, 5] = r2_c - r3_c
-        z[3, 6] = zeta_c3 * r3_hc * half_3
-        z[3, 7] = dm_c / vc
-        z[4, 0] = e_m * c_pe
-        z[4, 2] = e_m * c_h2
-        z[4, 3] = zc1 * e1_pc + zeta_c2 * e2_pc + zeta_c3 * e3_pc - 1.0
-        z[4, 4] = e1_c - e3_c
-        z[4, 5] = e2_c - e3_c
-        z[4, 6] = zeta_c3 * (r3_c + hm3 * r3_hc) * half_3
-        z[4, 7] = du_c / vc
-        under = hm3 - hf_c
-        z[6, 3] = zeta_c3 * (r3_c * hm3_p + under * r3_pc - 1.0)
-        z[6, 4] = -under * r3_c
-        z[6, 5] = -under * r3_c
-        z[6, 6] = max(zeta_c3, _ZETA_FLOOR) * 0.5 * (r3_c + under * r3_hc)
-        z[6, 7] = (m_v * (hf_c - h3) + zeta_c3 * q_c3) / vc
-    else:
-        e_m = zc1 * (r1_c + (hm1 - slope_rc) * r1_hc) * half_1
-        z[3, 0] = e_m * c_pe
-        z[3, 2] = e_m * c_h2
-        z[3, 3] = slope_pc
-        z[3, 4] = e1_c - e_rest - slope_rc * (r1_c - r_rest)
-        z[3, 7] = (du_c - slope_rc * dm_c) / vc
-        z[4, 4] = 1.0
-        z[4, 5] = 1.0
-        z[6, 6] = 1.0
-        if regime_c == 1:
-            # Vapour beyond what complete condensation holds leaves with the liquid: slope of Zivi's profile at x = 0.
-            y = (void_c - void_full) / (1.0 - void_full)
-            x_out = y * ((1.0 - void_full) / void_full * (1.0 - y) + y)
-            target = hf_c + x_out * (hg_c - hf_c)
+    inward_e, inward_c, limited = True, True, False
+    bound = 0.0
+    for _ in range(3):
+        for i in range(7):
+            for j in range(8):
+                z[i, j] = 0.0
+        if regime_e == 0:
+            z[0, 0] = zeta_e * r1_pe + zeta_e2 * r2_pe
+            z[0, 1] = r1_e - r2_e
+            z[0, 2] = zeta_e2 * half_e * r2_he
+            z[0, 6] = zeta_e * (rg_e - rf_e) * void_h
+            z[0, 7] = dm_e / ve
+            z[1, 0] = zeta_e * e1_pe + zeta_e2 * e2_pe - 1.0
+            z[1, 1] = e1_e - r2_e * hm_e
+            z[1, 2] = zeta_e2 * half_e * (r2_e + hm_e * r2_he)
+            z[1, 6] = zeta_e * (rg_e * hg_e - rf_e * hf_e) * void_h
+            z[1, 7] = du_e / ve
+            share = over if inward_e else 0.0
+            z[2, 0] = zeta_e2 * (r2_e * hm_pe + share * r2_pe - 1.0)
+            z[2, 1] = -share * r2_e
+            z[2, 2] = max(zeta_e2, _ZETA_FLOOR) * 0.5 * (r2_e + share * r2_he)
+            z[2, 7] = (m_c * (hm_e - share - h2) + zeta_e2 * q_e2) / ve
+            z[2, 7] -= z[2, 2] * beyond_e / _TAU_OUTLET_S
         else:
-            target = h_rest
-        z[6, 7] = (target - h3) / _TAU_OUTLET_S
-    m_1 = zc1 * (r1_c + over_1 * r1_hc) * half_1
-    z[5, 0] = m_1 * c_pe
-    z[5, 2] = m_1 * c_h2
-    z[5, 3] = zc1 * (r1_c * hm1_p + over_1 * r1_pc - 1.0)
-    z[5, 4] = max(over_1, _SUPERHEAT_FLOOR) * r1_c
-    z[5, 7] = (m_c * max(hd - hg_c, 0.0) + zc1 * q_c1) / vc
-    if zeta_c2 < _ZETA_FLOOR and z[5, 7] > 0.0:
-        z[5, 7] *= max(zeta_c2, 0.0) / _ZETA_FLOOR  # the two-phase zone is not overrun
-    _solve(z, 7)
+            z[0, 0] = slope_pe
+            z[0, 7] = (du_e - slope_re * dm_e) / ve
+            z[1, 1] = 1.0
+            z[2, 2] = 1.0
+            z[2, 7] = (target_e - h2) / (_TAU_OUTLET_S if regime_e == 1 else _TAU_MIXED_S)
+        if regime_c == 0:
+            r_m = zc1 * r1_hc * half_1
+            e_m = zc1 * (r1_c + hm1 * r1_hc) * half_1
+            z[3, 0] = r_m * c_pe
+            z[3, 2] = r_m * c_h2
+            z[3, 3] = zc1 * r1_pc + zeta_c2 * r2_pc + zeta_c3 * r3_pc
+            z[3, 4] = r1_c - r3_c
+            z[3, 5] = r2_c - r3_c
+            z[3, 6] = zeta_c3 * r3_hc * half_3
+            z[3, 7] = dm_c / vc
+            z[4, 0] = e_m * c_pe
+            z[4, 2] = e_m * c_h2
+            z[4, 3] = zc1 * e1_pc + zeta_c2 * e2_pc + zeta_c3 * e3_pc - 1.0
+            z[4, 4] = e1_c - e3_c
+            z[4, 5] = e2_c - e3_c
+            z[4, 6] = zeta_c3 * (r3_c + hm3 * r3_hc) * half_3
+            z[4, 7] = du_c / vc
+            share = under if inward_c else 0.0
+            z[6, 3] = zeta_c3 * (r3_c * hm3_p + share * r3_pc - 1.0)
+            z[6, 4] = -share * r3_c
+            z[6, 5] = -share * r3_c
+            z[6, 6] = max(zeta_c3, _ZETA_FLOOR) * 0.5 * (r3_c + share * r3_hc)
+            z[6, 7] = (m_v * (hm3 - share - h3) + zeta_c3 * q_c3) / vc
+            if h3 > hf_c:
+                z[6, 7] += z[6, 6] * (hf_c - h3) / _TAU_OUTLET_S
+        else:
+            e_m = zc1 * (r1_c + (hm1 - slope_rc) * r1_hc) * half_1
+            z[3, 0] = e_m * c_pe
+            z[3, 2] = e_m * c_h2
+            z[3, 3] = slope_pc
+            z[3, 4] = e1_c - e_rest - slope_rc * (r1_c - r_rest)
+            z[3, 7] = (du_c - slope_rc * dm_c) / vc
+            z[4, 4] = 1.0
+            z[4, 5] = 1.0
+            z[6, 6] = 1.0
+            z[6, 7] = (target_c - h3) / (_TAU_OUTLET_S if regime_c == 1 else _TAU_MIXED_S)
+        if regime_c == 2:
+            z[3, 0], z[3, 2], z[3, 4] = 0.0, 0.0, 0.0  # the whole volume is one, whatever zeta_c1 says
+            z[5, 4] = 1.0
+            z[5, 7] = -zc1 / _TAU_MIXED_S  # vapour throughout: one well-mixed volume
+        elif limited:
+            z[5, 4] = 1.0
+            z[5, 7] = bound
+        else:
+            m_1 = zc1 * (r1_c + over_1 * r1_hc) * half_1
+            z[5, 0] = m_1 * c_pe
+            z[5, 2] = m_1 * c_h2
+            z[5, 3] = zc1 * (r1_c * hm1_p + over_1 * r1_pc - 1.0)
+            z[5, 4] = max(over_1, _SUPERHEAT_FLOOR) * r1_c
+            z[5, 7] = (m_c * max(hd - hg_c, 0.0) + zc1 * q_c1) / vc
+        _solve(z, 7)
+        again = False
+        if regime_e == 0 and inward_e:
+            dm_2 = zeta_e2 * (r2_pe * z[0, 7] + half_e * r2_he * z[2, 7]) - r2_e * z[1, 7]
+            if m_c + ve * dm_2 < 0.0:
+                inward_e, again = False, True
+        if regime_c == 0 and inward_c:
+            dm_3 = zeta_c3 * (r3_pc * z[3, 7] + half_3 * r3_hc * z[6, 7]) - r3_c * (z[4, 7] + z[5, 7])
+            if m_v + vc * dm_3 < 0.0:
+                inward_c, again = False, True
+        if not limited and regime_c != 2:
+            bound = wetness_c * z[4, 7] - (1.0 - wetness_c) * zc1 / _TAU_MIXED_S
+            bound = min(max(bound, -_ZETA_RATE * zc1), _ZETA_RATE * (zeta_c2 - _ZETA_FLOOR))
+            bound = min(bound, _ZETA_RATE * (_ZETA_C1_MAX - zc1))
+            if bound != z[4, 7]:
+                limited, again = True, True
+        if not again:
+            break
     dzeta_e, dzeta_c1, dzeta_c2 = z[1, 7], z[4, 7], z[5, 7]
     dzeta_c3 = -dzeta_c1 - dzeta_c2
     # --- wall temperatures -----------------------------------------------------------------------------------------
@@ -582,7 +622,7 @@ def rhs(s, w, par, tab, guess, z, ds, aux):  # type: ignore[no-untyped-def]
     return status
 
 
-@njit(**_JIT)
+@jit
 def conserved(x, par, tab, s):  # type: ignore[no-untyped-def]
     """Integration state `s` of a public state `x` with all five zones present (lengths between 0 and 1)."""
     _, _, _, _, _, _, _, _, _, hf, hg, rf, rg, sf, sg, _, hg_p, lnp, r1, e1, _, _, r2, _, _, hm, _, _, _, _, _ = (

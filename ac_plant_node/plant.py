@@ -36,24 +36,33 @@ class Plant:
         Compressor speed rad/s, valve opening 0..1, evaporator air flow kg/s, evaporator air inlet degC.
     parameters : Parameters, optional
         The shipped set by default.
+    tolerance : float
+        Local error of an integration step, relative to the sizes in `ac_plant_node.integrator.ERROR_SCALE`.
     """
 
     def __init__(
-        self, state: NDArray[np.float64], inputs: NDArray[np.float64], parameters: Parameters | None = None
+        self,
+        state: NDArray[np.float64],
+        inputs: NDArray[np.float64],
+        parameters: Parameters | None = None,
+        tolerance: float = integrator.DEFAULT_TOLERANCE,
     ) -> None:
         self._parameters = parameters or load_parameters()
         self._par = self._parameters.array
         self._tab = load_tables(self._parameters.refrigerant)
-        self._s = np.array(state, dtype=float)
+        self._y = np.array(state, dtype=float)
+        self._charge = float(self._y[0] + self._y[5])
+        self._y[5] = 0.0
         self._w = np.array(inputs, dtype=float)
         self._guess, self._z, _, self._aux = model.new_workspace()
-        self._work = integrator.new_work()
-        self._tally = np.zeros(2)
+        self._work = integrator.new_work(tolerance)
+        self._memory = self._work[-1]
+        self._clock_ns = 0
         self._out = np.zeros(4)
-        self._march(0)
+        self._run()
 
     @classmethod
-    def at(cls, point: str | OperatingPoint) -> "Plant":
+    def at(cls, point: str | OperatingPoint, tolerance: float = integrator.DEFAULT_TOLERANCE) -> "Plant":
         """A plant resting at an operating point ("low", "med", "high", or any `OperatingPoint`).
 
         Raises
@@ -62,10 +71,7 @@ class Plant:
             For an unknown name.
         """
         at = operating_point(point) if isinstance(point, str) else point
-        plant = cls(at.conserved, at.inputs)
-        plant._guess[:] = at.state[1], at.state[7]
-        plant._march(0)
-        return plant
+        return cls(at.conserved, at.inputs, tolerance=tolerance)
 
     def step(self, inputs: NDArray[np.float64], duration_s: float) -> NDArray[np.float64]:
         """Run on with `inputs` held.
@@ -75,7 +81,7 @@ class Plant:
         inputs : (4,) array
             Compressor speed rad/s, valve opening 0..1, evaporator air flow kg/s, evaporator air inlet degC.
         duration_s : float
-            A multiple of the substep of 0.02 s.
+            Any length; resolved to a nanosecond.
 
         Returns
         -------
@@ -85,26 +91,29 @@ class Plant:
         Raises
         ------
         ValueError
-            For inputs that are not finite, a duration that is not a multiple of the substep, or a state that left
-            the model's domain.
+            For inputs that are not finite, a negative duration, or a state that left the model's domain.
         """
-        self._w[:] = inputs
-        if not np.isfinite(self._w).all():
-            raise ValueError("plant inputs must be finite: speed rad/s, opening 0..1, air kg/s, air degC")
-        n = round(duration_s / integrator.SUBSTEP_S)
-        if n < 0 or abs(n * integrator.SUBSTEP_S - duration_s) > 1e-9:
-            raise ValueError(f"duration {duration_s:g} s is not a multiple of {integrator.SUBSTEP_S:g} s")
-        self._march(n)
+        w = np.asarray(inputs, dtype=float)
+        if w.shape != (4,) or not np.isfinite(w).all():
+            raise ValueError("plant inputs must be four finite numbers: speed rad/s, opening 0..1, air kg/s, air degC")
+        if not 0.0 <= duration_s < 1.0e7:
+            raise ValueError(f"duration must be between 0 and 1e7 s, not {duration_s:g}")
+        if (w != self._w).any():
+            self._w[:] = w
+            self._memory[integrator.FRESH] = 1.0
+            self._clock_ns = 0
+        self._clock_ns += round(duration_s * 1.0e9)
+        self._run()
         self._out[0] = self._aux[1]
         self._out[1] = self._aux[model.SUPERHEAT]
         self._out[2] = self._aux[model.WALL_E2] - 273.15
         self._out[3] = self._aux[7]
         return self._out.copy()
 
-    def _march(self, n: int) -> None:
-        status = integrator.march(
-            self._s, self._w, self._par, self._tab, self._guess, self._z, self._work, self._aux, self._tally, n,
-            integrator.SUBSTEP_S,
+    def _run(self) -> None:
+        status = integrator.run(
+            self._y, *self._work, self._charge, self._w, self._par, self._tab, self._guess, self._z, self._aux,
+            self._clock_ns * 1.0e-9,
         )  # fmt: skip
         if status != 0:
             raise ValueError("the plant left its model's domain: pressure outside the property tables")
@@ -152,14 +161,14 @@ class Plant:
     @property
     def refrigerant_mass_kg(self) -> float:
         """Refrigerant in both heat exchangers."""
-        return float(self._s[0] + self._s[5])
+        return float(self._y[0] + (self._charge - self._y[0]))
 
     @property
     def stored_energy_j(self) -> float:
         """Internal energy of the refrigerant and the walls."""
         p = self._parameters
         return float(
-            self._s[1] + self._s[6] + p["evaporator_wall_j_k"] * self._s[3] + p["condenser_wall_j_k"] * self._s[9]
+            self._y[1] + self._y[6] + p["evaporator_wall_j_k"] * self._y[3] + p["condenser_wall_j_k"] * self._y[9]
         )
 
     @property
@@ -170,9 +179,9 @@ class Plant:
     @property
     def heat_in_j(self) -> float:
         """Integral of `heat_in_w` since the plant was made, by the integrator's own quadrature."""
-        return float(self._tally[0])
+        return float(self._y[5])
 
     @property
     def heat_moved_j(self) -> float:
         """Integral of the magnitudes of the three powers in `heat_in_w`."""
-        return float(self._tally[1])
+        return float(self._memory[integrator.MOVED])

@@ -32,7 +32,7 @@ def test_small_step_matches_the_nonlinear_plant(point, channel):
     n, h = 600, 0.1
     responses = []
     for sign in (1.0, -1.0):
-        plant, w = Plant.at(point), at.inputs.copy()
+        plant, w = Plant.at(point, tolerance=1e-8), at.inputs.copy()
         w[channel] += sign * size
         responses.append(np.array([plant.step(w, h)[:3] for _ in range(n)]))
     nonlinear = 0.5 * (responses[0] - responses[1])
