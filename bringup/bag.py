@@ -15,14 +15,12 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError
 from mcap.records import Channel, Chunk, Metadata, Schema
 from mcap.stream_reader import StreamReader
-from numpy.typing import NDArray
 
+from bringup.cdr import NANOSECONDS, columns, read_diagnostics, stamp_ns, stamps_ns, status_row
 from bringup.errors import BringupError, one_line
 from bringup.recorder import RUN_RECORD
-from bringup.recording import Recording, StatusRow
-from bringup.topics import BY_NAME, DIAGNOSTICS, FAULTS, JOINT_FIELD, JOINTS, NAMESPACE, PLANT, PRESSURE, TEMPERATURE
-
-NANOSECONDS = 1_000_000_000
+from bringup.recording import Recording
+from bringup.topics import BY_NAME, DIAGNOSTICS, NAMESPACE, PLANT
 
 _SCHEMA, _CHANNEL, _MESSAGE = 0x03, 0x04, 0x05
 _RECORD = struct.Struct("<BQ")
@@ -91,20 +89,22 @@ def read_bag(bag: Path | str) -> Recording:
         raise BringupError(msg)
     tick_ns = round(raw.run["sample_time_s"] * NANOSECONDS)
     prefix = f"{NAMESPACE}/"
-    stamps = {topic: _stamps(messages) for topic, messages in raw.messages.items() if topic.startswith(prefix)}
+    messages = {name: [data for _, data in raw.messages.get(prefix + name, [])] for name in BY_NAME}
+    stamps = {name: stamps_ns(found) for name, found in messages.items()}
     every = [times for times in stamps.values() if len(times)]
     first = min((int(times.min()) for times in every), default=0)
     ticks = max((int(times.max()) - first for times in every), default=-tick_ns) // tick_ns + 1
     recording = Recording(time_s=np.arange(ticks) * tick_ns / 1e9, series={})
     for name, topic in BY_NAME.items():
-        messages = raw.messages.get(prefix + name, [])
-        rows = np.rint((stamps.get(prefix + name, np.empty(0)) - first) / tick_ns).astype(np.int64)
-        for column, key in enumerate(topic.series):
-            values = np.full(ticks, math.nan)
-            values[rows] = _column(messages, topic.type, topic.joints, column)
-            recording.series[key] = values
+        rows = np.rint((stamps[name] - first) / tick_ns).astype(np.int64)
         if topic.type == DIAGNOSTICS:
-            recording.status = [_status_row(data, (stamp_ns(data) - first) / NANOSECONDS) for _, data in messages]
+            recording.status = [
+                status_row(read_diagnostics(data)[0].values, (stamp_ns(data) - first) / 1e9) for data in messages[name]
+            ]
+            continue
+        for key, column in zip(topic.series, columns(topic, messages[name]), strict=True):
+            recording.series[key] = np.full(ticks, math.nan)
+            recording.series[key][rows] = column
     health = _last_health(raw, PLANT)
     recording.metadata = {**raw.run, "complete": raw.complete and ticks == raw.run.get("ticks")}
     if "wall_seconds" in health:
@@ -125,10 +125,8 @@ def decode(topic: str, data: bytes) -> dict[str, Any]:
     described = BY_NAME[topic]
     if described.type == DIAGNOSTICS:
         return {key: value for status in read_diagnostics(data) for key, value in status.values.items()}
-    return {
-        key: float(_column([(0, data)], described.type, described.joints, column)[0])
-        for column, key in enumerate(described.series)
-    }
+    found = zip(described.series, columns(described, [data]), strict=True)
+    return {key: float(column[0]) for key, column in found}
 
 
 def _last_health(raw: RawBag, node: str) -> dict[str, str]:
@@ -202,111 +200,3 @@ def _read_chunk(chunk: Chunk, channels: _Channels) -> None:
         elif opcode == _CHANNEL:
             channels.define(Channel.read(ReadDataStream(BytesIO(data[at : at + length]))))
         at += length
-
-
-# ------------------------------------------------------------------------------------------------------- messages
-
-
-def stamp_ns(data: bytes) -> int:
-    """Stamp of a serialised message: it follows the 4 bytes of encapsulation."""
-    seconds, nanoseconds = struct.unpack_from("<iI", data, 4)
-    return int(seconds) * NANOSECONDS + int(nanoseconds)
-
-
-def _stamps(messages: list[tuple[int, bytes]]) -> NDArray[np.int64]:
-    """Stamps of serialised messages in ns: they follow the 4 bytes of encapsulation."""
-    heads = np.frombuffer(b"".join([data[4:12] for _, data in messages]), dtype=[("s", "<i4"), ("ns", "<u4")])
-    times: NDArray[np.int64] = heads["s"].astype(np.int64) * NANOSECONDS + heads["ns"].astype(np.int64)
-    return times
-
-
-def _column(
-    messages: list[tuple[int, bytes]], type_name: str, joints: tuple[str, ...], column: int
-) -> NDArray[np.float64]:
-    """One value of every message. Frame and joint names are constant, so it is at the same place in all of them."""
-    if not messages:
-        return np.empty(0)
-    data = messages[0][1]
-    cursor = _Cursor(data)
-    cursor.skip_header()
-    if type_name in (PRESSURE, TEMPERATURE):
-        offset = cursor.place(8)
-    elif type_name == JOINTS:
-        names = [cursor.text() for _ in range(cursor.count())]
-        positions = cursor.doubles()
-        velocities = cursor.doubles()
-        field_at = {"position": positions, "velocity": velocities}[JOINT_FIELD[joints[column]]]
-        offset = field_at + 8 * names.index(joints[column])
-    else:
-        raise AssertionError(type_name)
-    if any(len(other) != len(data) for _, other in messages):
-        return np.array([_column([message], type_name, joints, column)[0] for message in messages])
-    return np.frombuffer(b"".join([other[offset : offset + 8] for _, other in messages]), dtype="<f8")
-
-
-class _Cursor:
-    """Reads little-endian CDR (XCDR1) from left to right; alignment counts from the end of the encapsulation."""
-
-    def __init__(self, data: bytes) -> None:
-        self.data = data
-        self.at = 4
-
-    def place(self, size: int) -> int:
-        """Offset of the next value of `size` bytes; moves past it."""
-        start = self.at + (4 - self.at) % size
-        self.at = start + size
-        return start
-
-    def count(self) -> int:
-        return int(struct.unpack_from("<I", self.data, self.place(4))[0])
-
-    def text(self) -> str:
-        length = self.count()
-        start, self.at = self.at, self.at + length
-        return self.data[start : start + length - 1].decode()
-
-    def doubles(self) -> int:
-        """Offset of a sequence's first double; moves past the last."""
-        number = self.count()
-        start = self.at + (4 - self.at) % 8 if number else self.at
-        self.at = start + 8 * number
-        return start
-
-    def skip_header(self) -> None:
-        self.at += 8
-        self.text()
-
-
-@dataclass(frozen=True)
-class DiagnosticValues:
-    """One status of a DiagnosticArray."""
-
-    name: str
-    message: str
-    values: dict[str, str]
-
-
-def read_diagnostics(data: bytes) -> list[DiagnosticValues]:
-    """Content of a serialised DiagnosticArray."""
-    cursor = _Cursor(data)
-    cursor.skip_header()
-    statuses = []
-    for _ in range(cursor.count()):
-        cursor.at += 1  # level
-        name, message, _hardware = cursor.text(), cursor.text(), cursor.text()
-        pairs = [(cursor.text(), cursor.text()) for _ in range(cursor.count())]
-        statuses.append(DiagnosticValues(name, message, dict(pairs)))
-    return statuses
-
-
-def _status_row(data: bytes, time_s: float) -> StatusRow:
-    values = read_diagnostics(data)[0].values
-    return StatusRow(
-        time_s=time_s,
-        detected=values["detected"] == "true",
-        isolated=values["isolated"] or None,
-        size=float(values["size"]),
-        onset_s=float(values["onset_s"]),
-        isolated_s=float(values["isolated_s"]),
-        thresholds=(float(values[f"threshold/{FAULTS[0]}"]), float(values[f"threshold/{FAULTS[1]}"])),
-    )

@@ -4,7 +4,8 @@ import time
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from bringup.messages import message_class, stamp_of_cdr
+from bringup.cdr import stamp_ns
+from bringup.messages import message_class
 from bringup.node_shell import LOOP_QOS
 from bringup.supervisor import Supervisor
 from bringup.topics import NAMESPACE, TOPICS, Topic
@@ -51,8 +52,8 @@ class Feeder:
     def collect(self, wanted: Mapping[str, bytes], patience_s: float) -> dict[str, bytes] | None:
         """Wait for the outputs of one tick; None when one of them does not come."""
         deadline = time.monotonic() + patience_s
-        stamps = {topic: stamp_of_cdr(data) for topic, data in wanted.items()}
-        while not all(topic in self.got and stamp_of_cdr(self.got[topic]) == stamp for topic, stamp in stamps.items()):
+        stamps = {topic: stamp_ns(data) for topic, data in wanted.items()}
+        while not all(topic in self.got and stamp_ns(self.got[topic]) == stamp for topic, stamp in stamps.items()):
             self._supervisor.spin()
             if time.monotonic() > deadline:
                 return None

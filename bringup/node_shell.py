@@ -31,8 +31,9 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
+from bringup.cdr import Packer, packer
 from bringup.inputs import Gate, LoopInputs, Subscriptions, TickSet
-from bringup.messages import BadMessage, message_class, set_stamp, writer
+from bringup.messages import BadMessage, message_class
 from bringup.processes import end_with_parent
 from bringup.topics import BY_NAME, TOPICS, Topic
 
@@ -143,7 +144,7 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         self.deadline_s = math.inf  # monotonic time at which `on_deadline` is due
         self.inputs = LoopInputs(self._reject)
         self.loop_subscriptions = Subscriptions(self.context, False, self.inputs.take)
-        self._senders: dict[str, tuple[Publisher, Any, Callable[[Sequence[float]], None]]] = {}
+        self._senders: dict[str, tuple[Publisher, Packer]] = {}
         self._diagnostics = self._publisher(DiagnosticArray, "/diagnostics", PLAIN_QOS)
         self._health_timer = self.create_timer(HEALTH_PERIOD_S, self.report_health)
 
@@ -197,16 +198,14 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
 
     def send(self, time_ns: int, topic: str, *values: Any) -> None:
         """Publish the values of one topic, stamped."""
-        publisher, message, put = self._senders[topic]
-        put(values)
-        set_stamp(message, time_ns)
-        publisher.publish(message)
+        publisher, pack = self._senders[topic]
+        publisher.publish(pack(time_ns, values))
 
     def add_output(self, topic: Topic, name: str | None = None) -> None:
         """Create the publisher of a topic that is not in the table under this node's name."""
-        message, put = writer(topic)
         qos = LOOP_QOS if name is None else PLAIN_QOS
-        self._senders[topic.name] = (self._publisher(type(message), name or topic.name, qos), message, put)
+        publisher = self._publisher(message_class(topic.type), name or topic.name, qos)
+        self._senders[topic.name] = (publisher, packer(topic))
 
     # -- life cycle ---------------------------------------------------------------------------------------------
 

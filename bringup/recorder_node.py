@@ -11,8 +11,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import deserialize_message
 
+from bringup.cdr import stamp_ns
 from bringup.inputs import Subscriptions
-from bringup.messages import stamp_of_cdr
 from bringup.node_shell import DEADLINE_S, DEPTH, LOOP_QOS, MODE, PLAIN_QOS, NodeShell, Parameter, run_node
 from bringup.recorder import BagWriter, RecordedTopic
 from bringup.topics import CLOCK, DIAGNOSTICS, PLANT, RECORDER, TOPICS
@@ -88,7 +88,7 @@ class RecorderNode(NodeShell):
                 self._look_at_health(data)
                 bag.write(number, data, now_ns or self._last_ns, now_ns or self._last_ns)
                 continue
-            stamp = stamp_of_cdr(data)
+            stamp = stamp_ns(data)
             if number < self._loop_topics and stamp > self._last_ns:
                 self._last_ns = stamp
             bag.write(number, data, now_ns or stamp, stamp)

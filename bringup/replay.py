@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from bringup.bag import RawBag, decode, read_raw, stamp_ns
+from bringup.bag import RawBag, decode, read_raw
+from bringup.cdr import restamped, stamp_ns
 from bringup.errors import BringupError, RunError
 from bringup.graph import MODULES, node_arguments, node_parameters
 from bringup.processes import Child, Domain, ros_environment, start, stop
@@ -139,12 +140,6 @@ def _by_tick(raw: RawBag, node: str) -> list[_Tick]:
     # A bag cut short ends with a tick of which only a part is there.
     whole = next((i for i, tick in enumerate(ordered) if len(tick.inputs) < wanted), len(ordered))
     return ordered[:whole]
-
-
-def restamped(data: bytes, time_ns: int) -> bytes:
-    """The serialised message with another stamp."""
-    seconds, nanoseconds = divmod(time_ns, 1_000_000_000)
-    return data[:4] + seconds.to_bytes(4, "little", signed=True) + nanoseconds.to_bytes(4, "little") + data[12:]
 
 
 def _feed(
