@@ -137,7 +137,7 @@ def run(
     """Run SCENARIO with every node as a process of its own, record it, and write summary and report.
 
     SCENARIO is a built-in name (acftc scenarios) or the path of a YAML file. DIR gets bag/ (a ROS 2 bag),
-    summary.json and report.html.
+    summary.json, report.html and report.svg.
     """
     chosen = _load(scenario, overrides, passive)
     folder = _prepare(out or Path("results") / chosen.name, force)
@@ -214,6 +214,9 @@ def report(bag: Path, out: Path | None, beside: Path | None) -> None:
     recording = read_bag(bag)
     other, note = (read_bag(beside), f"Beside it: {beside}.") if beside else _companion(recording)
     target = out or bag.resolve().parent / "report.html"
+    if target.suffix != ".html":
+        msg = f"--out {target}: the report's name must end in .html; its picture gets the same name with .svg"
+        raise BringupError(msg)
     _make_folder(target.resolve().parent)
     write_report(target, recording, other, note, _health(bag))
     _say(f"wrote {target}")

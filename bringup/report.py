@@ -25,8 +25,8 @@ _METRICS = (
     ("steady_superheat_error_k", "Actual superheat minus reference at rest", "K", "+.3f"),
 )
 
-#: What is shown around a fault, and from how long before its onset to how long after, s.
-_DETAILS = ("Compressor speed", "Evaporator pressure", "Expansion valve", "Superheat", "Residual")
+#: Panels of the still pictures, and the time that they show around a fault: from before its onset to after it, s.
+_PANELS = ("Compressor speed", "Evaporator pressure", "Expansion valve", "Superheat", "Residual")
 BEFORE_S, AFTER_S = 20.0, 100.0
 
 _FAULT_NAMES = {
@@ -42,12 +42,12 @@ def write_report(
     note: str = "",
     health: Sequence[NodeHealth] = (),
 ) -> None:
-    """Write the report of a run.
+    """Write the report of a run, and its plots as a still picture beside it.
 
     Parameters
     ----------
     path
-        The HTML file to write.
+        The HTML file to write; the picture gets the same name with ``.svg``.
     recording
         The run.
     beside
@@ -58,6 +58,8 @@ def write_report(
         How the nodes fared, when there were any.
     """
     path.write_text(render(recording, beside, note, health), encoding="utf-8")
+    picture = draw(charts_of(recording, beside, _PANELS), 2, str(recording.metadata["scenario"]["name"]))
+    path.with_suffix(".svg").write_text(picture, encoding="utf-8")
 
 
 def render(
@@ -167,7 +169,7 @@ def _details(recording: Recording, beside: Recording | None) -> str:
         name = _FAULT_NAMES[fault.kind]
         parts.append(f"<h2>Around the fault {name}, {fault.onset_s:g} s</h2>")
         parts.append(
-            f"<div class=scroll>{draw(charts_of(cut, other, _DETAILS), 2, f'Around {fault.onset_s:g} s')}</div>"
+            f"<div class=scroll>{draw(charts_of(cut, other, _PANELS), 2, f'Around {fault.onset_s:g} s')}</div>"
         )
     return "\n".join(parts)
 

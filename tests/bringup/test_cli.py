@@ -136,3 +136,14 @@ def test_the_shell_completes_scenarios():
     result = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=False, env=words)
     assert result.stdout.split() == ["plain,actuator_fault"], result.stderr
     assert "_acftc_completion" in acftc("completion", "zsh").stdout
+
+
+def test_a_bag_that_is_none_is_one_line(tmp_path: Path):
+    missing, strange = tmp_path / "missing", tmp_path / "strange"
+    strange.mkdir()
+    (strange / "bag_0.mcap").write_bytes(b"not an mcap file")
+    for command in (["report"], ["replay", "--node", "fdi"]):
+        assert_one_line(acftc(*command, str(missing)), 2, str(missing))
+        assert_one_line(acftc(*command, str(strange)), 2, str(strange))
+    assert_one_line(acftc("replay", str(strange), "--node", "fdii"), 2, "fdii", "allowed")
+    assert not (tmp_path / "report.html").exists()

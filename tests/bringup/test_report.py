@@ -1,14 +1,17 @@
 """The report: whole in itself, and it shows what it should."""
 
 import re
+import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from html.parser import HTMLParser
+from pathlib import Path
 
 import pytest
 
+from bringup.health import health_of
 from bringup.plots import time_plots
 from bringup.recording import Recording
-from bringup.report import render
+from bringup.report import render, write_report
 from bringup.scenario import load
 
 Make = Callable[..., Recording]
@@ -91,3 +94,17 @@ def test_it_works_for_a_recording_cut_short_and_without_a_fault(recording_of: Ma
     text = render(cut)
     assert "cut short" in text
     assert "No fault was injected" in text
+
+
+def test_nodes_and_a_picture_beside_it(recording_of: Make, tmp_path: Path):
+    reports = [
+        ("fdi", {"state": "active", "latency_p50_ms": "0.2", "latency_max_ms": "1.0", "rejected_inputs": "0"}),
+        ("fdi", {"state": "active", "latency_p50_ms": "0.4", "latency_max_ms": "nan", "rejected_inputs": "2"}),
+    ]
+    (health,) = health_of(reports)
+    assert (health.latency_p50_ms, health.latency_max_ms, health.rejected_inputs) == (pytest.approx(0.3), 1.0, 2)
+    recording = recording_of(faults=[{"kind": "evaporator_pressure", "size_kpa": 5.0, "onset_s": 100.0}])
+    write_report(tmp_path / "report.html", recording, health=[health])
+    assert "<code>fdi</code>" in (tmp_path / "report.html").read_text()
+    assert "Around the fault" in (tmp_path / "report.html").read_text()
+    ET.parse(tmp_path / "report.svg")
