@@ -11,12 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq, root
 
 from ac_plant_node import model
 from ac_plant_node.lookup import saturation, vapour
 from ac_plant_node.parameters import Parameters, load_parameters
-from ac_plant_node.tables import Tables, load_tables
+from ac_plant_node.tables import VAPOUR_SPAN_J_KG, Tables, load_tables
 
 RPM = 2.0 * np.pi / 60.0
 """rad/s in one rpm."""
@@ -55,8 +54,15 @@ class CalibratedPoint:
 def superheated_enthalpy(tab: Tables, p: float, superheat_k: float) -> float:
     """Vapour enthalpy (J/kg) at pressure `p` and `superheat_k` above saturation, from the tables."""
     sat = saturation(tab, p)
-    return float(brentq(lambda h: vapour(tab, p, sat[14], h, sat[2], sat[9])[3] - sat[0] - superheat_k,
-                        sat[2], sat[2] + 190.0e3, xtol=1e-9, rtol=1e-15))  # fmt: skip
+    low, high = float(sat[2]), float(sat[2]) + VAPOUR_SPAN_J_KG
+    while True:  # bisection to the last bit: no solver library to load, and no tolerance to choose
+        h = 0.5 * (low + high)
+        if not low < h < high:
+            return h
+        if vapour(tab, p, sat[14], h, sat[2], sat[9])[3] - sat[0] < superheat_k:
+            low = h
+        else:
+            high = h
 
 
 def starting_state(tab: Tables, pe: float, h_e2: float, pc: float, air_c: float) -> NDArray[np.float64]:
@@ -75,6 +81,8 @@ def solve_point(row: TableRow, parameters: Parameters, tab: Tables) -> Calibrate
     ValueError
         When the solver finds none: the parameters do not fit the point.
     """
+    from scipy.optimize import root  # half a second to load, and only calibration needs it
+
     pe = row.evaporator_pressure_kpa * 1.0e3
     h_e2 = superheated_enthalpy(tab, pe, row.superheat_k)
     w = np.array([row.compressor_speed_rpm * RPM, 0.5, parameters["evaporator_air_nominal_kg_s"],

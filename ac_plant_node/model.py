@@ -80,7 +80,9 @@ _ZETA_C1_MAX = 0.9  # longest first zone of the condenser
 _TAU_OUTLET_S = 0.05  # lag of an outlet enthalpy whose zone is absent
 _TAU_MIXED_S = 0.5  # lag with which a heat exchanger full of vapour becomes one well-mixed volume
 _TAU_WALL_S = 5.0  # lag with which the wall of an absent zone joins its neighbour's temperature
-_UPWIND_RATE = 0.01  # 1/s: zone boundaries slower than this carry the mean of both wall temperatures
+# Of the order of the fastest boundary motion of ordinary operation: at 0.01 the upwinding switches sides at every change of
+# command, a kink in T_w and SH of up to 100 % of their linear response that no controller or filter design can see.
+_UPWIND_RATE = 0.2  # 1/s: zone boundaries slower than this carry the mean of both wall temperatures
 _SUPERHEAT_FLOOR = 2.0e3  # J/kg: least mean superheat that the condenser's first zone is divided by
 _X_INLET_MAX = 0.95  # the mean void fraction is taken from at most this inlet quality
 _X_OUTLET_MIN = 0.7  # the suction header holds back liquid: quality drawn by the compressor
@@ -492,6 +494,10 @@ def rhs(s, w, par, tab, guess, z, ds, aux):  # type: ignore[no-untyped-def]
     over, over_1, under = hm_e - hg_e, hm1 - hg_c, hm3 - hf_c
     c_pe = hd_s * s1_p
     c_h2 = hd_s * s1_h + hd_h
+    # Zones shorter than the floor fade into the law of the regime next to theirs, so that rates are continuous.
+    own_e = _ramp(zeta_e / _ZETA_FLOOR) * _ramp(zeta_e2 / _ZETA_FLOOR)
+    own_c = _ramp(zeta_c3 / _ZETA_FLOOR)
+    pseudo_e = (hm_e - h2) / _TAU_MIXED_S if zeta_e < 0.5 else (hg_e - h2) / _TAU_OUTLET_S
     inward_e, inward_c, limited = True, True, False
     bound = 0.0
     for _ in range(3):
@@ -515,6 +521,9 @@ def rhs(s, w, par, tab, guess, z, ds, aux):  # type: ignore[no-untyped-def]
             z[2, 2] = max(zeta_e2, _ZETA_FLOOR) * 0.5 * (r2_e + share * r2_he)
             z[2, 7] = (m_c * (hm_e - share - h2) + zeta_e2 * q_e2) / ve
             z[2, 7] -= z[2, 2] * beyond_e / _TAU_OUTLET_S
+            if own_e < 1.0:
+                z[2, 0], z[2, 1] = own_e * z[2, 0], own_e * z[2, 1]
+                z[2, 7] = own_e * z[2, 7] + (1.0 - own_e) * z[2, 2] * pseudo_e
         else:
             z[0, 0] = slope_pe
             z[0, 7] = (du_e - slope_re * dm_e) / ve
@@ -546,6 +555,10 @@ def rhs(s, w, par, tab, guess, z, ds, aux):  # type: ignore[no-untyped-def]
             z[6, 7] = (m_v * (hm3 - share - h3) + zeta_c3 * q_c3) / vc
             if h3 > hf_c:
                 z[6, 7] += z[6, 6] * (hf_c - h3) / _TAU_OUTLET_S
+            if own_c < 1.0:
+                for j in range(3, 6):
+                    z[6, j] *= own_c
+                z[6, 7] = own_c * z[6, 7] + (1.0 - own_c) * z[6, 6] * (hf_c - h3) / _TAU_OUTLET_S
         else:
             e_m = zc1 * (r1_c + (hm1 - slope_rc) * r1_hc) * half_1
             z[3, 0] = e_m * c_pe
@@ -604,11 +617,12 @@ def rhs(s, w, par, tab, guess, z, ds, aux):  # type: ignore[no-untyped-def]
     ) / max(zeta_c2, _ZETA_FLOOR)
     ds[0], ds[1], ds[2] = dm_e, du_e, z[2, 7]
     ds[3] = (q_air_e - q_e) / par[_CE]
-    ds[4] = dt_e1 - dt_e2 if regime_e == 0 else -d_e / _TAU_WALL_S
+    ds[4] = own_e * (dt_e1 - dt_e2) - (1.0 - own_e) * d_e / _TAU_WALL_S
     ds[5], ds[6], ds[7], ds[8] = dm_c, du_c, dzeta_c1, z[6, 7]
     ds[9] = (q_air_c - q_c) / par[_CC]
-    ds[10] = dt_c1 - dt_c2
-    ds[11] = dt_c3 - dt_c2 if regime_c == 0 else -d3 / _TAU_WALL_S
+    own_1 = _ramp(zc1 / _ZETA_FLOOR)
+    ds[10] = own_1 * (dt_c1 - dt_c2) - (1.0 - own_1) * d1 / _TAU_WALL_S
+    ds[11] = own_c * (dt_c3 - dt_c2) - (1.0 - own_c) * d3 / _TAU_WALL_S
     # --- what others read ------------------------------------------------------------------------------------------
     aux[0], aux[1], aux[2], aux[3], aux[4] = zeta_e, pe, h2, tw_e1, tw_e2
     aux[5], aux[6], aux[7], aux[8], aux[9], aux[10], aux[11] = zc1, zeta_c2, pc, h3, tw_c1, tw_c2, tw_c3

@@ -14,6 +14,12 @@ RPM = 2.0 * np.pi / 60.0
 """rad/s in one rpm."""
 
 
+INPUT_LOW = np.array([0.0, 0.0, 0.02, 10.0])
+"""Lowest inputs: rad/s, opening 0..1, kg/s, degC."""
+INPUT_HIGH = np.array([6000.0 * RPM, 1.0, 0.3, 50.0])
+"""Highest inputs: 6000 rpm, valve fully open, 0.3 kg/s, 50 degC."""
+
+
 @dataclass(frozen=True)
 class Outputs:
     """What can be read from the plant, SI but for the wall temperature in degC."""
@@ -27,6 +33,9 @@ class Outputs:
 
 class Plant:
     """The nonlinear moving-boundary air conditioner.
+
+    Inputs outside `INPUT_LOW` .. `INPUT_HIGH` saturate there, as the actuators and the blower of a car do (a fault may
+    push a command past its stop); inputs that are not finite are refused. Within that box no input breaks the plant.
 
     Parameters
     ----------
@@ -79,7 +88,8 @@ class Plant:
         Parameters
         ----------
         inputs : (4,) array
-            Compressor speed rad/s, valve opening 0..1, evaporator air flow kg/s, evaporator air inlet degC.
+            Compressor speed rad/s, valve opening 0..1, evaporator air flow kg/s, evaporator air inlet degC; clipped
+            to the permitted box.
         duration_s : float
             Any length; resolved to a nanosecond.
 
@@ -98,6 +108,7 @@ class Plant:
             raise ValueError("plant inputs must be four finite numbers: speed rad/s, opening 0..1, air kg/s, air degC")
         if not 0.0 <= duration_s < 1.0e7:
             raise ValueError(f"duration must be between 0 and 1e7 s, not {duration_s:g}")
+        w = np.minimum(np.maximum(w, INPUT_LOW), INPUT_HIGH)
         if (w != self._w).any():
             self._w[:] = w
             self._memory[integrator.FRESH] = 1.0
@@ -150,7 +161,7 @@ class Plant:
 
     @property
     def inputs(self) -> NDArray[np.float64]:
-        """The inputs held now (4,)."""
+        """The inputs held now (4,), as clipped to the permitted box."""
         return self._w.copy()
 
     @property
