@@ -22,6 +22,8 @@ class BlockReport:
         Norm of the closed loop with the full-order result, from a sweep over frequency.
     achieved_reduced : float
         The same with the result after order reduction.
+    plain : float
+        Norm of the paper's problem with the reduced result: without the weight on the error, or without regularisation.
     lower_bound : float
         No result can do better (nan: none known).
     order, order_reduced : int
@@ -37,6 +39,7 @@ class BlockReport:
     claimed: float
     achieved: float
     achieved_reduced: float
+    plain: float
     lower_bound: float
     order: int
     order_reduced: int

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_plant_node import operating_point
+from fdi_node.cache import Arrays
 from fdi_node.design_model import (
     AIR_TEMPERATURE_UNIT,
     COMMAND_UNIT,
@@ -21,11 +22,10 @@ from fdi_node.design_model import (
     to_si,
 )
 from fdi_node.design_report import BlockReport
-from fdi_node.thresholds import noise_thresholds, residual_covariances
+from fdi_node.thresholds import jump_threshold, noise_thresholds, residual_covariances
 from fdi_node.weights import FdiWeights
-from fdi_node.cache import Arrays
 from gimc.coprime import filter_gain
-from gimc.interconnect import add, block_diagonal, scale, series, stack_inputs, state_space
+from gimc.interconnect import Abcd, add, block_diagonal, inverse, scale, series, stack_inputs, state_space
 from gimc.model_matching import isolation_synthesis
 from gimc.norms import hinf_norm, poles
 from gimc.reduction import reduce_order
@@ -48,20 +48,23 @@ def observer_gain(system: FaultySystem, weights: FdiWeights) -> Matrix:
 def isolation_problem(
     system: FaultySystem, L: Matrix, weights: FdiWeights
 ) -> tuple[control.StateSpace, control.StateSpace, control.StateSpace]:
-    """Factors `[N~d, noise]`, `N~f` and the target T of the isolation problem, on one common state.
+    """Factors `[N~d, M~ W]`, `N~f` and the target T of the isolation problem, on one common state.
 
-    The noise on measurement i is `noise_i (s + noise_at_rest * corner) / (s + corner)`.
+    A noise n on the measurements enters f_e as `-M~ n`, so the regularisation has the colour of M~, and the problem
+    does not depend on the choice of L. On measurement i, `W_i = noise_i (s + noise_at_rest * corner) / (s + corner)`.
     """
     p, nf = len(system.C), system.F1.shape[1]
     Nd, Nf = disturbance_factor(system, L), fault_factor(system, L)
     corner, noise = weights.noise_corner_rad_s, np.diag(weights.noise)
     A = block_diagonal(Nd.A, -corner * np.eye(p))
+    A[: len(system.A), len(system.A) :] = L @ noise
     C = np.hstack([Nd.C, noise])
-    B_noise = (weights.noise_at_rest - 1.0) * corner * np.eye(p)
+    B_noise = np.vstack([L @ noise, (weights.noise_at_rest - 1.0) * corner * np.eye(p)])
+    B_d = np.vstack([Nd.B, np.zeros((p, Nd.ninputs))])
     B_f = np.vstack([Nf.B, np.zeros((p, nf))])
     speed = np.eye(nf) / weights.target_time_s
     T = state_space((-speed, speed, np.eye(nf), np.zeros((nf, nf))))
-    disturbances = state_space((A, block_diagonal(Nd.B, B_noise), C, np.hstack([Nd.D, noise])))
+    disturbances = state_space((A, np.hstack([B_d, B_noise]), C, np.hstack([Nd.D, noise])))
     return disturbances, state_space((A, B_f, C, Nf.D)), T
 
 
@@ -77,23 +80,27 @@ def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
     model = design_model(point)
     system = model.system
     L = observer_gain(system, weights)
-    matching = isolation_synthesis(*isolation_problem(system, L, weights), RANK_NOISE)
-    reduced = reduce_order(matching.filter, rtol=weights.reduction, keep_dc_gain=True)
+    disturbances, faults, T = isolation_problem(system, L, weights)
+    # W ([0 T] - H N) = [0 W T] - (W H) N: W is stable with a stable inverse, so the filter that is free is W H.
+    W = error_weight(weights, T.noutputs)
+    matching = isolation_synthesis(disturbances, faults, state_space(series(W, T)), RANK_NOISE)
+    H_full = series(inverse(W), matching.filter)
+    reduced = reduce_order(H_full, rtol=weights.reduction, keep_dc_gain=True)
     # f_e = -(N~d d + N~f f): the residual r = H f_e takes the minimiser with its sign changed.
     H = discretise(to_si(-reduced.system, OUTPUT_UNIT, FAULT_UNIT), sample_time_s)
     a, b, c = sampled_innovation(model, weights, sample_time_s)
     covariance, shifted = residual_covariances((a, b[:, 3:], c), (H.A, H.B, H.C, H.D), np.array(weights.sensor_noise))
     rest = operating_point(point)
-    problem = isolation_problem(system, L, weights)
     report = BlockReport(
         block="H",
         claimed=matching.synthesis.claimed_gamma,
         achieved=matching.synthesis.swept_gamma,
-        achieved_reduced=isolation_norm(*problem, reduced.system),
+        achieved_reduced=isolation_norm(disturbances, faults, T, reduced.system, W),
+        plain=isolation_norm(disturbances, faults, T, reduced.system),
         lower_bound=matching.lower_bound,
-        order=matching.filter.nstates,
+        order=H_full.A.shape[0],
         order_reduced=reduced.order,
-        regularisation=f"noise {weights.noise}, at rest {weights.noise_at_rest:g} of it",
+        regularisation=f"eps {', '.join(f'{n:g}' for n in weights.noise)}; at rest {weights.noise_at_rest:g} of it",
         slowest_pole_rad_s=float(poles(reduced.system).real.max()),
         seconds=time.perf_counter() - started,
     )
@@ -108,19 +115,35 @@ def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
         "input_rest": np.array([*rest.inputs[:2], rest.inputs[3]]),
         "output_rest": np.array(rest.outputs[:3]),
         "thresholds": noise_thresholds(covariance, shifted, sample_time_s, weights.false_alarms_per_hour),
+        "jump_threshold": np.array(jump_threshold(abs(float(c[0] @ b[:, 0])), weights, sample_time_s)),
         "sample_time_s": np.array(sample_time_s),
         "L": L,
         "report": report.to_array(),
     }
 
 
+def error_weight(weights: FdiWeights, size: int) -> Abcd:
+    """Weight on the isolation error (see `FdiWeights`), made proper and invertible far above the band that matters."""
+    corner, rolloff, eye = weights.error_corner_rad_s, weights.error_rolloff_rad_s, np.eye(size)
+    rest = weights.error_at_rest * corner
+    low = Abcd(-rest * eye, eye, (corner - rest) * eye, eye)
+    ratio = 100.0
+    high = Abcd(-ratio * rolloff * eye, eye, ratio * (1.0 - ratio) * rolloff * eye, ratio * eye)
+    return series(high, low)
+
+
 def isolation_norm(
-    disturbances: control.StateSpace, faults: control.StateSpace, T: control.StateSpace, H: control.StateSpace
+    disturbances: control.StateSpace,
+    faults: control.StateSpace,
+    T: control.StateSpace,
+    H: control.StateSpace,
+    W: Abcd | None = None,
 ) -> float:
-    """Norm of `[0 T] - H [N~d N~f]` for a given H."""
+    """Norm of `[0 T] - H [N~d N~f]`, or of W times that, for a given H."""
     N = stack_inputs(disturbances, faults)
     target = stack_inputs(np.zeros((T.noutputs, disturbances.ninputs)), T)
-    return hinf_norm(add(target, scale(series(H, N), left=-np.eye(T.noutputs))))[0]
+    error = add(target, scale(series(H, N), left=-np.eye(T.noutputs)))
+    return float(hinf_norm(error if W is None else series(W, error))[0])
 
 
 def sampled_innovation(model: DesignModel, weights: FdiWeights, sample_time_s: float) -> tuple[Matrix, Matrix, Matrix]:

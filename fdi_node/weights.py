@@ -17,12 +17,20 @@ class FdiWeights:
         the part of it that is left at rest: small, so that the estimates are exact there,
     noise_corner_rad_s : float
         and the frequency from which it counts in full.
+    error_corner_rad_s, error_at_rest, error_rolloff_rad_s : float
+        The weight on `[0 T] - H [N~d N~f]`, `(s + corner) / (s + at_rest * corner) * (s / rolloff + 1)`: an error is
+        dear at rest, where the estimates are read, and far above T's bandwidth, where steps cross over into the other
+        residual. Zeros of `[N~d N~f]` in the right half plane near 1 rad/s leave an error of about T there whatever H
+        does.
     process_noise : float
-        Noise on commands and air flow in the observer's Riccati equation, over a measurement noise of one.
+        Noise on commands and air flow in the observer's Riccati equation, over a measurement noise of one: small, so
+        that M~ and N~ are slow against the sampling rate.
     sensor_noise : tuple of float
         What the sensors of p_e [Pa], SH [K], T_w [K] really have (rms at the sampling instants), for the thresholds.
     false_alarms_per_hour : float
         How often noise alone may take a residual over its threshold.
+    speed_step_rpm : float
+        Largest sudden change of the compressor's speed that must not be taken for a jump of the pressure sensor.
     reduction : float
         Hankel singular values below this part of the largest are left out of H.
     """
@@ -31,7 +39,11 @@ class FdiWeights:
     noise: tuple[float, float, float] = (0.02, 0.02, 0.02)
     noise_at_rest: float = 0.01
     noise_corner_rad_s: float = 0.1
-    process_noise: float = 3.0
+    error_corner_rad_s: float = 0.05
+    error_at_rest: float = 0.01
+    error_rolloff_rad_s: float = 1.0
+    process_noise: float = 0.1
     sensor_noise: tuple[float, float, float] = (200.0, 0.1, 0.05)
     false_alarms_per_hour: float = 1e-3
-    reduction: float = 1e-4
+    speed_step_rpm: float = 100.0
+    reduction: float = 1e-3

@@ -17,11 +17,11 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
+from fdi_node.cache import Arrays
 from fdi_node.design_cache import cached_design
 from fdi_node.design_model import COMMAND_UNIT, OUTPUT_UNIT, design_model, to_si
 from fdi_node.design_report import BlockReport
 from fdi_node.weights import FdiWeights
-from fdi_node.cache import Arrays
 from gimc.interconnect import Abcd, add, append, block_diagonal, lft, scale, series, stack_outputs, state_space
 from gimc.model_matching import Matching, model_matching, regularise
 from gimc.norms import hinf_norm, poles
@@ -62,8 +62,7 @@ def actuator_objective(loop: control.StateSpace, weights: MatchingWeights) -> Ab
 def sensor_objective(loop: control.StateSpace, sensor: Matrix, weights: MatchingWeights) -> Abcd:
     """From [d, f_p, q] to `alpha_d [p_e, SH]` (the actual values) and `alpha_f W u`.
 
-    A disturbance has to move u: only what the fault and q do to u counts, which takes a second copy of the loop, without
-    d.
+    A disturbance has to move u: only what the fault and q do to u counts, which takes a second copy of the loop.
 
     Parameters
     ----------
@@ -136,6 +135,7 @@ def synthesise(
                 claimed=matching.synthesis.claimed_gamma,
                 achieved=matching.synthesis.swept_gamma,
                 achieved_reduced=hinf_norm(lft(problem, reduced.system, len(L.T), 2))[0],
+                plain=matching.plain_gamma,
                 lower_bound=matching.lower_bound,
                 order=matching.filter.nstates,
                 order_reduced=reduced.order,

@@ -14,9 +14,9 @@ from scipy.linalg import block_diag
 
 from ac_plant_node import operating_point
 from bringup.units import RPM
+from fdi_node.cache import Arrays
 from fdi_node.design_model import COMMAND_UNIT, OUTPUT_UNIT, DesignModel, design_model, to_si
 from fdi_node.design_report import BlockReport
-from fdi_node.cache import Arrays
 from gimc.coprime import filter_gain
 from gimc.hinfsyn import hinf_synthesis
 from gimc.interconnect import lft, state_space
@@ -115,6 +115,7 @@ def synthesise(point: str, sample_time_s: float, weights: ControllerWeights) -> 
         claimed=result.claimed_gamma,
         achieved=result.swept_gamma,
         achieved_reduced=hinf_norm(lft(problem, K, 2, 2))[0],
+        plain=float("nan"),
         lower_bound=result.lower_gamma,
         order=result.controller.nstates,
         order_reduced=reduced.order,

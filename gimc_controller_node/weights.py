@@ -29,12 +29,12 @@ class ControllerWeights:
         What the order reduction may change K0 by, in design units.
     """
 
-    bandwidth_rad_s: tuple[float, float] = (0.03, 0.03)
+    bandwidth_rad_s: tuple[float, float] = (1.5, 0.2)
     peak: tuple[float, float] = (2.0, 2.0)
-    integrator_rad_s: float = 1e-5
-    command: tuple[float, float] = (0.2, 0.2)
+    integrator_rad_s: float = 1e-4
+    command: tuple[float, float] = (0.01, 0.05)
     output: tuple[float, float] = (0.1, 0.1)
-    noise: float = 0.02
+    noise: float = 1e-4
     disturbance: float = 0.5
     factor_speed: float = 10.0
     reduction: float = 1e-3
@@ -102,4 +102,4 @@ class CompensatorWeights:
         washout_rad_s=0.0,
         reduction=1e-4,
     )
-    fade_time_s: float = 2.0
+    fade_time_s: float = 1.0
