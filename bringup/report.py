@@ -85,6 +85,7 @@ def render(
             div_id="time-plots",
             config={"responsive": True, "displaylogo": False, "toImageButtonOptions": {"format": "svg"}},
         ),
+        still=draw(charts_of(recording, beside, _PANELS), 2, summary["scenario"]),
         details=_details(recording, beside),
         nodes=_nodes_table(health),
         scenario=html.escape(yaml.safe_dump(_without_empty(scenario), sort_keys=False, width=100)),
@@ -271,9 +272,11 @@ _PAGE = Template("""<!DOCTYPE html>
   th, td { padding: .25rem .9rem .25rem 0; vertical-align: top; } td { border-bottom: 1px solid var(--line); }
   .scroll { overflow-x: auto; } .note { font-size: .9rem; color: var(--soft); max-width: 60rem; }
   pre { background: #f6f7f8; padding: .8rem 1rem; overflow-x: auto; font-size: .88rem; }
-  svg { max-width: 100%; height: auto; }
-  @media print { body { max-width: none; padding: 0; } .modebar { display: none !important; } h2 { break-after: avoid; }
-                 table, .verdict { break-inside: avoid; } }
+  svg[role=img] { max-width: 100%; height: auto; } .print { display: none; }
+  /* Paper gets still pictures: the plots above are laid out for a screen. */
+  @media print { body { max-width: none; padding: 0; font-size: 12px; } h2 { break-after: avoid; }
+                 .scroll { overflow: visible; } .screen { display: none; } .print { display: block; } pre { white-space: pre-wrap; }
+                 table, .verdict, svg { break-inside: avoid; } }
 </style>
 </head>
 <body>
@@ -287,7 +290,8 @@ $faults
 $metrics
 <h2>Course of the run</h2>
 $note
-$plots
+<div class="screen">$plots</div>
+<div class="print">$still</div>
 $details
 $nodes
 <h2>How to run it again</h2>
