@@ -273,10 +273,10 @@ _PAGE = Template("""<!DOCTYPE html>
   .scroll { overflow-x: auto; } .note { font-size: .9rem; color: var(--soft); max-width: 60rem; }
   pre { background: #f6f7f8; padding: .8rem 1rem; overflow-x: auto; font-size: .88rem; }
   svg[role=img] { max-width: 100%; height: auto; } .print { display: none; }
-  /* Paper gets still pictures: the plots above are laid out for a screen. */
+  /* Still pictures for print: the plots above are laid out for a screen. */
   @media print { body { max-width: none; padding: 0; font-size: 12px; } h2 { break-after: avoid; }
-                 .scroll { overflow: visible; } .screen { display: none; } .print { display: block; } pre { white-space: pre-wrap; }
-                 table, .verdict, svg { break-inside: avoid; } }
+                 .scroll { overflow: visible; } .screen { display: none; } .print { display: block; }
+                 pre { white-space: pre-wrap; } table, .verdict, svg { break-inside: avoid; } }
 </style>
 </head>
 <body>
