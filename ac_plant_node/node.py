@@ -11,6 +11,7 @@ import time
 import numpy as np
 
 from bringup.node_shell import MODE, OPERATING_POINT, SAMPLE_TIME, NodeShell, Parameter, run_node
+from bringup.rest import rest_at
 from bringup.topics import CLOCK, PLANT, Topic
 
 PARAMETERS = (
@@ -34,11 +35,13 @@ class PlantNode(NodeShell):
 
     def configure(self) -> None:
         """Put the plant at rest at its operating point."""
-        from ac_plant_node import Plant, operating_point
+        from ac_plant_node import OperatingPoint, Plant
 
         point = self.value("operating_point")
-        rest = operating_point(point)
-        self._plant = Plant.at(point)
+        rest = OperatingPoint(point, **rest_at(point))  # type: ignore[arg-type]
+        # Compiled code is loaded with the first step: here, not in the first tick.
+        Plant.at(rest).step(rest.inputs, self.value("sample_time_s"))
+        self._plant = Plant.at(rest)
         self._held = np.array(rest.inputs, dtype=np.float64)
         self._plant_outputs = np.array(rest.outputs, dtype=np.float64)
         self._realtime: bool = self.value("mode") == "realtime"
@@ -53,11 +56,6 @@ class PlantNode(NodeShell):
 
     def started(self) -> None:
         """Publish the first tick."""
-        # Compiled code and caches warm up here, not in the first tick.
-        self._plant.step(self._held, self._sample_time_s)
-        from ac_plant_node import Plant
-
-        self._plant = Plant.at(self.value("operating_point"))
         self.soon(self._begin)
 
     def _begin(self) -> None:

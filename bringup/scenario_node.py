@@ -4,8 +4,8 @@ import json
 import sys
 
 from bringup.node_shell import NodeShell, Parameter, run_node
+from bringup.rest import rest_at
 from bringup.topics import SCENARIO
-from fdi_node.cache import Arrays, cached, source_fingerprint
 
 PARAMETERS = (
     Parameter("scenario", "nominal", "name of a built-in scenario, path of a scenario file, or a scenario as JSON"),
@@ -43,20 +43,6 @@ class ScenarioNode(NodeShell):
         self.send(time_ns, "reference/superheat", superheat)
         self.send(time_ns, "scenario/air", mass_flow)
         self.send(time_ns, "scenario/air_inlet_temperature", inlet)
-
-
-def rest_at(point: str) -> Arrays:
-    """Inputs and outputs of the plant at rest, from the cache: finding them needs the compiled plant."""
-    from ac_plant_node import parameters_fingerprint
-
-    def find() -> Arrays:
-        from ac_plant_node import operating_point
-
-        rest = operating_point(point)
-        return {"inputs": rest.inputs, "outputs": rest.outputs}
-
-    key = {"point": point, "plant": parameters_fingerprint(), "code": source_fingerprint("ac_plant_node")}
-    return cached(f"rest-{point}", key, find)
 
 
 def main() -> int:
