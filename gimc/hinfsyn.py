@@ -23,7 +23,7 @@ from gimc.errors import (
     RiccatiError,
     SynthesisError,
 )
-from gimc.interconnect import Abcd, Matrix, abcd, lft, state_space
+from gimc.interconnect import Abcd, Matrix, abcd, lft, safe_inverse, state_space
 from gimc.norms import hinf_norm, poles, sweep_norm
 from gimc.riccati import care, hinf_are
 from gimc.scaling import balance_states
@@ -437,12 +437,9 @@ def _absorb_d22(K: Abcd, D22: Matrix) -> Abcd:
     """Controller for the plant with D22 from the one for D22 = 0: `K (I + D22 K)^-1`."""
     if not D22.any():
         return K
-    loop = np.eye(D22.shape[0]) + D22 @ K.D
-    if np.linalg.cond(loop) > 1e12:
-        raise IllPosedError("I + D22 D_K is singular: no well-posed controller at this level")
-    C = np.linalg.solve(loop, D22 @ K.C)
-    D = np.linalg.inv(loop)
-    return Abcd(K.A - K.B @ C, K.B @ D, K.C - K.D @ C, K.D @ D)
+    E = safe_inverse(np.eye(D22.shape[0]) + D22 @ K.D, "I + D22 D_K")
+    C = E @ D22 @ K.C
+    return Abcd(K.A - K.B @ C, K.B @ E, K.C - K.D @ C, K.D @ E)
 
 
 def _named(result: HinfResult, P: Any, nmeas: int, ncon: int) -> HinfResult:

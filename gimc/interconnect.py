@@ -145,7 +145,7 @@ def scale(sys: Any, left: ArrayLike | None = None, right: ArrayLike | None = Non
 def inverse(sys: Any) -> Abcd:
     """`G^-1` of a square system with invertible D."""
     A, B, C, D = abcd(sys)
-    Di = _inverse(D, "D of the system to invert")
+    Di = safe_inverse(D, "D of the system to invert")
     return Abcd(A - B @ Di @ C, B @ Di, -Di @ C, Di)
 
 
@@ -172,7 +172,7 @@ def connect(
     A, B, C, D = abcd(sys)
     F, E, G = (np.atleast_2d(np.asarray(matrix, dtype=float)) for matrix in (feedback, inputs, outputs))
     H = np.zeros((G.shape[0], E.shape[1])) if through is None else np.asarray(through, dtype=float)
-    loop = _inverse(np.eye(D.shape[0]) - D @ F, "I - D F of the interconnection")
+    loop = safe_inverse(np.eye(D.shape[0]) - D @ F, "I - D F of the interconnection")
     Cc, Dc = loop @ C, loop @ D @ E  # y = Cc x + Dc w
     return Abcd(A + B @ F @ Cc, B @ (E + F @ Dc), G @ Cc, G @ Dc + H)
 
@@ -190,7 +190,7 @@ def lft(P: Any, K: Any, nmeas: int, ncon: int) -> Abcd:
     p1, m1 = D.shape[0] - nmeas, D.shape[1] - ncon
     B1, B2, C1, C2 = B[:, :m1], B[:, m1:], C[:p1], C[p1:]
     D11, D12, D21, D22 = D[:p1, :m1], D[:p1, m1:], D[p1:, :m1], D[p1:, m1:]
-    E = _inverse(np.eye(nmeas) - D22 @ Dk, "I - D22 D_K")
+    E = safe_inverse(np.eye(nmeas) - D22 @ Dk, "I - D22 D_K")
     # y = E (C2 x + D21 w + D22 Ck xk), u = Ck xk + Dk y
     yx, yk, yw = E @ C2, E @ D22 @ Ck, E @ D21
     ux, uk, uw = Dk @ yx, Ck + Dk @ yk, Dk @ yw
@@ -216,18 +216,20 @@ def _as_matrix(gain: ArrayLike) -> Matrix:
     return np.diag(array) if array.ndim == 1 else np.atleast_2d(array)
 
 
-def _inverse(matrix: Matrix, what: str) -> Matrix:
+def safe_inverse(matrix: Matrix, what: str) -> Matrix:
+    """Inverse, or an `IllPosedError` that calls the matrix by its name."""
     if matrix.size and np.linalg.cond(_equilibrated(matrix)) > 1e12:
         raise IllPosedError(f"{what} is singular (condition number {np.linalg.cond(matrix):.1e})")
     return np.linalg.inv(matrix)
 
 
 def _equilibrated(matrix: Matrix) -> Matrix:
-    """Rows then columns divided by their largest entry, so that mixed units do not look like singularity."""
+    """Rows and columns scaled to a largest entry of one (Ruiz 2001): mixed units must not look like singularity."""
     scaled = matrix
-    for axis in (1, 0):
-        largest = np.abs(scaled).max(axis=axis, keepdims=True)
-        scaled = scaled / np.where(largest > 0, largest, 1.0)
+    for _ in range(20):
+        for axis in (0, 1):
+            largest = np.sqrt(np.abs(scaled).max(axis=axis, keepdims=True))
+            scaled = scaled / np.where(largest > 0, largest, 1.0)
     return scaled
 
 
