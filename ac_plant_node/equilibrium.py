@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ac_plant_node import model
+from ac_plant_node import integrator, model
 from ac_plant_node.calibration import RPM, TABLE_I, starting_state, superheated_enthalpy
 from ac_plant_node.parameters import Parameters, load_parameters
 from ac_plant_node.tables import Tables, load_tables
@@ -87,7 +87,7 @@ def equilibrium(
     Raises
     ------
     ValueError
-        When damped Newton iterations from the start find no such equilibrium.
+        When neither damped Newton iterations nor a simulation of 1500 s find an equilibrium with all five zones.
     """
     parameters = parameters or load_parameters()
     tab = load_tables(parameters.refrigerant)
@@ -97,6 +97,9 @@ def equilibrium(
         x = _newton(np.array(x0), w, parameters, tab)
         if x is not None:
             return _describe(name, x, w, parameters, tab)
+    x = _newton(_settled(np.array(starts[0]), w, parameters, tab), w, parameters, tab)
+    if x is not None:
+        return _describe(name, x, w, parameters, tab)
     raise ValueError(
         f"no equilibrium with all zones found at {w[0] / RPM:g} rpm, {100 * w[1]:g} % valve, "
         f"{w[2]:g} kg/s air of {w[3]:g} degC"
@@ -108,6 +111,23 @@ def _starts(w: NDArray[np.float64], tab: Tables) -> list[NDArray[np.float64]]:
     for pe, pc in ((2.6e5, 1.3e6), (3.2e5, 1.1e6), (2.1e5, 1.8e6), (3.5e5, 1.5e6), (1.6e5, 1.3e6)):
         out.append(starting_state(tab, pe, superheated_enthalpy(tab, pe, 15.0), pc, float(w[3])))
     return out
+
+
+def _settled(
+    x: NDArray[np.float64], w: NDArray[np.float64], parameters: Parameters, tab: Tables
+) -> NDArray[np.float64]:
+    """Where 1500 s of simulation lead from about `x` with the right charge."""
+    low, high = 0.02, 0.98 - x[5]
+    s = np.zeros(model.N_STATES)
+    for _ in range(50):  # less two-phase, more subcooled length: more charge
+        x[6] = 0.5 * (low + high)
+        model.conserved(x, parameters.array, tab, s)
+        low, high = (x[6], high) if s[0] + s[5] > parameters["charge_kg"] else (low, x[6])
+    guess, z, _, aux = model.new_workspace()
+    charge = s[0] + s[5]
+    s[5] = 0.0
+    integrator.run(s, *integrator.new_work(), charge, w, parameters.array, tab, guess, z, aux, 1500.0)
+    return aux[:12].copy()
 
 
 def _residual(x: NDArray[np.float64], w: NDArray[np.float64], p: Parameters, tab: Tables) -> NDArray[np.float64]:

@@ -80,8 +80,8 @@ _ZETA_C1_MAX = 0.9  # longest first zone of the condenser
 _TAU_OUTLET_S = 0.05  # lag of an outlet enthalpy whose zone is absent
 _TAU_MIXED_S = 0.5  # lag with which a heat exchanger full of vapour becomes one well-mixed volume
 _TAU_WALL_S = 5.0  # lag with which the wall of an absent zone joins its neighbour's temperature
-# Of the order of the fastest boundary motion of ordinary operation: at 0.01 the upwinding switches sides at every change of
-# command, a kink in T_w and SH of up to 100 % of their linear response that no controller or filter design can see.
+# Of the order of the fastest boundary motion of ordinary operation: at 0.01 the upwinding switches sides at every
+# change of command, a kink in T_w and SH of up to 100 % of their linear response that no linear design can see.
 _UPWIND_RATE = 0.2  # 1/s: zone boundaries slower than this carry the mean of both wall temperatures
 _SUPERHEAT_FLOOR = 2.0e3  # J/kg: least mean superheat that the condenser's first zone is divided by
 _X_INLET_MAX = 0.95  # the mean void fraction is taken from at most this inlet quality

@@ -1,0 +1,166 @@
+"""Drive cycles: vehicle speed over time from a file, and the compressor speed it stands for.
+
+The product ships no schedule. The SC03 (air-conditioning) schedule of 40 CFR Part 86, Appendix I is published by the
+US EPA as two-column text under "Dynamometer Drive Schedules".
+
+Engine and pulley (a compact car with a belt-driven compressor that is always engaged): the engine turns with the
+wheels in the gear that belongs to the speed, never below idle,
+
+``N_engine = max(N_idle, 60 v / (2 pi r_wheel) * i_gear * i_final)``, ``N_compressor = i_pulley * N_engine``.
+"""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+EPA_PAGE = "https://www.epa.gov/vehicle-and-fuel-emissions-testing/dynamometer-drive-schedules"
+"""Where the EPA publishes its schedules."""
+
+MPH = 0.44704
+"""m/s in one mile per hour."""
+_UNITS = (
+    (re.compile(r"mph|mi/h|miles"), MPH),
+    (re.compile(r"km/?h|kph"), 1.0 / 3.6),
+    (re.compile(r"m_s|m/s|mps"), 1.0),
+)
+
+
+@dataclass(frozen=True)
+class DriveCycle:
+    """Vehicle speed over time.
+
+    Attributes
+    ----------
+    time_s : (n,) array
+        Increasing, starts at 0.
+    speed_m_s : (n,) array
+    """
+
+    time_s: NDArray[np.float64]
+    speed_m_s: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Driveline:
+    """Engine, gearbox and pulley of a compact car.
+
+    Attributes
+    ----------
+    idle_rpm : float
+        Engine speed at standstill, air conditioning on.
+    gear_ratios, final_drive : tuple of float, float
+        A five-speed gearbox.
+    shift_speeds_m_s : tuple of float
+        Speeds above which the next gear is in: 15, 25, 40, 45 mph, customary on the EPA's dynamometers.
+    wheel_radius_m : float
+        Rolling radius.
+    pulley_ratio : float
+        Compressor over engine speed.
+    """
+
+    idle_rpm: float = 750.0
+    gear_ratios: tuple[float, ...] = (3.55, 1.95, 1.28, 0.95, 0.76)
+    final_drive: float = 3.9
+    shift_speeds_m_s: tuple[float, ...] = (15 * MPH, 25 * MPH, 40 * MPH, 45 * MPH)
+    wheel_radius_m: float = 0.30
+    pulley_ratio: float = 1.2
+
+
+def load_drive_cycle(path: str | Path) -> DriveCycle:
+    """Read a schedule: comma-, tab- or blank-separated columns time and speed.
+
+    The speed's unit is taken from the header (``mph``, ``km/h``, ``m/s`` in any common spelling); without one it is
+    miles per hour, as in the EPA's files. Lines that start with ``#`` are skipped.
+
+    Raises
+    ------
+    ValueError
+        One line: no such file (and where the EPA publishes it), no data, a line that is not two numbers, times that
+        do not increase, a negative or absurd speed.
+    """
+    file = Path(path)
+    try:
+        lines = file.read_text(encoding="utf-8-sig", errors="replace").splitlines()
+    except OSError as error:
+        reason = "no such file" if isinstance(error, FileNotFoundError) else error.strerror
+        raise ValueError(f"drive cycle {file}: {reason}; the EPA publishes SC03 and others at {EPA_PAGE}") from error
+    unit = MPH
+    rows: list[tuple[float, float]] = []
+    for number, line in enumerate(lines, 1):
+        text = line.strip()
+        if not text or text.startswith("#"):
+            continue
+        cells = [cell for cell in re.split(r"[,;\t ]+", text) if cell]
+        try:
+            time, speed = (float(cell) for cell in cells)
+        except ValueError:
+            if rows:
+                raise ValueError(f"drive cycle {file}: line {number} is not two numbers: {text[:40]!r}") from None
+            unit = next((factor for pattern, factor in _UNITS if pattern.search(text.lower())), unit)
+            continue
+        if not (np.isfinite(time) and 0.0 <= speed * unit <= 100.0):
+            raise ValueError(f"drive cycle {file}: line {number} has speed {speed:g}, allowed are 0 to 100 m/s")
+        if rows and time <= rows[-1][0]:
+            raise ValueError(f"drive cycle {file}: time does not increase at line {number}")
+        rows.append((time, speed * unit))
+    if len(rows) < 2:
+        raise ValueError(f"drive cycle {file}: fewer than two lines of data")
+    table = np.array(rows)
+    return DriveCycle(table[:, 0] - table[0, 0], table[:, 1])
+
+
+def compressor_speed(cycle: DriveCycle, time_s: float, driveline: Driveline | None = None) -> float:
+    """Compressor speed (rad/s) at a time into the cycle; past its end the last speed stays."""
+    d = driveline or Driveline()
+    speed = float(np.interp(time_s, cycle.time_s, cycle.speed_m_s))
+    gear = sum(speed > shift for shift in d.shift_speeds_m_s)
+    wheels = speed / d.wheel_radius_m * d.gear_ratios[gear] * d.final_drive
+    return d.pulley_ratio * max(wheels, d.idle_rpm * 2.0 * np.pi / 60.0)
+
+
+@dataclass(frozen=True)
+class DriveCycleRun:
+    """The plant driven open loop through a cycle, sampled.
+
+    Attributes
+    ----------
+    time_s, vehicle_speed_m_s, compressor_speed_rad_s : (n,) array
+    outputs : (n, 4) array
+        p_e Pa, SH K, T_w degC, p_c Pa at the end of each sample.
+    mass_drift, energy_imbalance : float
+        Relative change of the refrigerant mass; stored energy against heat and work, over the heat moved.
+    """
+
+    time_s: NDArray[np.float64]
+    vehicle_speed_m_s: NDArray[np.float64]
+    compressor_speed_rad_s: NDArray[np.float64]
+    outputs: NDArray[np.float64]
+    mass_drift: float
+    energy_imbalance: float
+
+
+def run_drive_cycle(
+    cycle: DriveCycle, point: str = "med", sample_time_s: float = 0.1, driveline: Driveline | None = None
+) -> DriveCycleRun:
+    """Drive the plant through a cycle: from an operating point, its valve and air held, the compressor on the belt."""
+    from ac_plant_node.plant import Plant
+
+    plant = Plant.at(point)
+    mass, energy, w = plant.refrigerant_mass_kg, plant.stored_energy_j, plant.inputs
+    time = np.arange(0.0, cycle.time_s[-1], sample_time_s)
+    speed = np.array([compressor_speed(cycle, float(t), driveline) for t in time])
+    outputs = np.empty((len(time), 4))
+    for k, omega in enumerate(speed):
+        w[0] = omega
+        outputs[k] = plant.step(w, sample_time_s)
+    return DriveCycleRun(
+        time,
+        np.interp(time, cycle.time_s, cycle.speed_m_s),
+        speed,
+        outputs,
+        plant.refrigerant_mass_kg / mass - 1.0,
+        (plant.stored_energy_j - energy - plant.heat_in_j) / plant.heat_moved_j,
+    )
