@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
 
@@ -169,8 +170,17 @@ def node_arguments(module: str, name: str, parameters: Mapping[str, Any], folder
     file = folder / f"{name}.yaml"
     content = {"/**": {"ros__parameters": {**parameters, "autostart": False}}}
     file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
-    ros = ["--ros-args", "-r", f"__ns:={NAMESPACE}", "--params-file", str(file), "--disable-external-lib-logs"]
-    return ["-m", module, *ros]
+    files = ["--params-file", str(parameter_file(module)), "--params-file", str(file)]
+    return ["-m", module, "--ros-args", "-r", f"__ns:={NAMESPACE}", *files, "--disable-external-lib-logs"]
+
+
+def parameter_file(module: str) -> Path:
+    """Where the parameter file of a node is, given what `python -m` starts: beside the module that holds its code."""
+    spec = find_spec(module)
+    if spec is None or spec.origin is None:
+        raise ModuleNotFoundError(module)
+    origin = Path(spec.origin)
+    return origin.with_name("node.yaml") if origin.name == "__init__.py" else origin.with_suffix(".yaml")
 
 
 def _prepare(out_dir: Path) -> None:

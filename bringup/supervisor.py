@@ -133,8 +133,17 @@ class Supervisor:
         self._until(done, lambda: f"{', '.join(n for n in names if self._of(n, 'state') != state)} not {state}")
 
     def _connected(self, name: str) -> bool:
-        """Whether every output of a node has at least the subscribers that this graph holds."""
-        return all(int(self._of(name, f"subscribers/{topic}") or 0) >= n for topic, n in self._wanted(name).items())
+        """Whether every output of a node has the subscribers that this graph holds, on top of strangers' ones."""
+        return all(
+            int(self._of(name, f"subscribers/{topic}") or 0) >= n + self._strangers(topic)
+            for topic, n in self._wanted(name).items()
+        )
+
+    def _strangers(self, topic: str) -> int:
+        """Subscribers of a topic that are none of our nodes, such as `ros2 topic echo` or `acftc topics`."""
+        full = "/clock" if topic == "clock" else f"{NAMESPACE}/{topic}"
+        readers = self.node.get_subscriptions_info_by_topic(full)
+        return sum(reader.node_name not in self._children or reader.node_namespace != NAMESPACE for reader in readers)
 
     def _wanted(self, name: str) -> dict[str, int]:
         recorded = 1 if RECORDER in self._children else 0

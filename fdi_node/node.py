@@ -8,6 +8,7 @@ from bringup.node_shell import OPERATING_POINT, SAMPLE_TIME, NodeShell, run_node
 from bringup.recording import StatusRow
 from bringup.topics import FDI
 
+PARAMETERS = (OPERATING_POINT, SAMPLE_TIME)
 MEASURED = ("measured/evaporator_pressure", "measured/superheat", "measured/wall_temperature")
 
 
@@ -15,7 +16,7 @@ class FdiNode(NodeShell):
     """Shell around `FaultDetector`: one `observe` for each measurement, one `commanded` for each command."""
 
     def __init__(self) -> None:
-        super().__init__(FDI, (OPERATING_POINT, SAMPLE_TIME))
+        super().__init__(FDI, PARAMETERS)
 
     def configure(self) -> None:
         """Load the design of the operating point."""

@@ -8,14 +8,18 @@ from bringup.node_shell import OPERATING_POINT, SAMPLE_TIME, NodeShell, Paramete
 from bringup.recording import StatusRow
 from bringup.topics import COMPENSATOR
 
-ACCOMMODATE = Parameter("accommodate", True, "false leaves K0 alone: q is 0 whatever is isolated")
+PARAMETERS = (
+    OPERATING_POINT,
+    SAMPLE_TIME,
+    Parameter("accommodate", True, "false leaves K0 alone: q is 0 whatever is isolated"),
+)
 
 
 class CompensatorNode(NodeShell):
     """Shell around `Compensator`."""
 
     def __init__(self) -> None:
-        super().__init__(COMPENSATOR, (OPERATING_POINT, SAMPLE_TIME, ACCOMMODATE))
+        super().__init__(COMPENSATOR, PARAMETERS)
 
     def configure(self) -> None:
         """Load the design of the operating point."""

@@ -7,12 +7,14 @@ import numpy as np
 from bringup.node_shell import OPERATING_POINT, SAMPLE_TIME, NodeShell, run_node
 from bringup.topics import CONTROLLER
 
+PARAMETERS = (OPERATING_POINT, SAMPLE_TIME)
+
 
 class ControllerNode(NodeShell):
     """Shell around `Controller`."""
 
     def __init__(self) -> None:
-        super().__init__(CONTROLLER, (OPERATING_POINT, SAMPLE_TIME))
+        super().__init__(CONTROLLER, PARAMETERS)
 
     def configure(self) -> None:
         """Load the design of the operating point."""

@@ -1,0 +1,189 @@
+"""Benchmarks of the graph, each beside what it is measured against: speed, start, latency, memory, processor time."""
+
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from bringup.errors import RunError
+from bringup.graph import MODULES, GraphRun, run_graph
+from bringup.processes import PARENT_VARIABLE, Domain, ros_environment
+from bringup.scenario import load
+from bringup.topics import PLANT, RECORDER
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One line of the table.
+
+    Attributes
+    ----------
+    ours, reference : measured in the same run of the benchmark; reference None where there is nothing to compare with.
+    bar : what the figure must reach ("at least" or "at most" is in `at_least`); None: for information.
+    """
+
+    name: str
+    unit: str
+    ours: float
+    bar: float | None = None
+    at_least: bool = False
+    reference: float | None = None
+
+    @property
+    def passed(self) -> bool | None:
+        """Whether the bar is reached; None when there is none."""
+        if self.bar is None:
+            return None
+        return self.ours >= self.bar if self.at_least else self.ours <= self.bar
+
+
+def bench(ticks: int = 1000, rounds: int = 3, realtime_s: float = 60.0, say: Say = lambda _: None) -> list[Figure]:
+    """Measure all figures of the graph.
+
+    Parameters
+    ----------
+    ticks
+        Of one lockstep run.
+    rounds
+        Lockstep runs of graph and bare chain, in turn; the median counts.
+    realtime_s
+        Length of the run at 100 Hz.
+    say
+        Told what is being measured.
+    """
+    with tempfile.TemporaryDirectory(prefix="acftc-bench-") as folder:
+        out = Path(folder)
+        say("warm-up: designs and compiled code into their caches")
+        _run(out, 1.0, 0.1)
+        _run(out, 0.2, 0.01, mode="realtime")
+        graph, bare, starts = [], [], []
+        for number in range(rounds):
+            say(f"lockstep, round {number + 1} of {rounds}: the graph, recording")
+            run = _run(out, ticks * 0.1, 0.1)
+            graph.append(run.ticks / run.wall_seconds)
+            starts.append(run.start_seconds)
+            say(f"lockstep, round {number + 1} of {rounds}: the bare chain")
+            bare.append(bare_chain(ticks)["ticks_per_second"])
+        say(f"realtime at 100 Hz for {realtime_s:g} s")
+        fast = _run(out, realtime_s, 0.01, mode="realtime")
+        say("the bare chain at 100 Hz")
+        paced = bare_chain(round(min(realtime_s, 20.0) / 0.01), 0.01)
+        say("realtime at 10 Hz for 15 s: memory and processor time")
+        use = _Use()
+        _run(out, 15.0, 0.1, mode="realtime", progress=use.look)
+    speed, yardstick = statistics.median(graph), statistics.median(bare)
+    p50, p99, most = fast.latency_ms
+    figures = [
+        Figure("lockstep speed, recording", "ticks/s", speed, reference=yardstick),
+        Figure("  as a share of the bare chain", "", speed / yardstick, 0.6, at_least=True),
+        Figure("  as a multiple of real time at 10 Hz", "", speed * 0.1, 13.0, at_least=True),
+        Figure("from the call to the first tick", "s", statistics.median(starts), 4.0),
+        Figure("realtime 100 Hz: ticks missed", "", float(fast.missed_ticks), 0.0),
+        Figure("  measurement to command, p50", "ms", p50, reference=paced["latency_p50_ms"]),
+        Figure("  measurement to command, p99", "ms", p99, reference=paced["latency_p99_ms"]),
+        Figure("  measurement to command, max", "ms", most, reference=paced["latency_max_ms"]),
+        Figure("processor time of the graph at 10 Hz", "% of one core", use.processor_percent(), 60.0),
+    ]
+    memory = use.memory_mb()
+    figures += [
+        Figure(f"memory of {name}", "MB", memory[name], 250.0 if name == PLANT else 120.0)
+        for name in MODULES
+        if name in memory
+    ]
+    return figures
+
+
+def _run(out: Path, duration_s: float, sample_time_s: float, **options: Any) -> GraphRun:
+    overrides = [f"duration_s={duration_s:g}", f"sample_time_s={sample_time_s:g}"]
+    return run_graph(load("nominal", [*overrides, "references={}", "air={}", "faults=[]"]), out, **options)
+
+
+class _Use:
+    """Memory and processor time of this process's children, looked at while a run goes on."""
+
+    def __init__(self) -> None:
+        self._first: tuple[float, float] | None = None
+        self._last = (0.0, 0.0)
+        self._memory: dict[str, float] = {}
+
+    def look(self, done: int, _ticks: int) -> None:
+        """Take a look; a progress function of `run_graph`."""
+        pids = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
+        if done == 0 or len(pids) < len(MODULES):
+            return
+        seconds = 0.0
+        for pid in pids:
+            fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+            seconds += (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+            command = Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0")
+            name = next((name for name, module in MODULES.items() if module in command), None)
+            if name is not None:
+                resident = int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+                self._memory[name] = max(self._memory.get(name, 0.0), resident / 2**20)
+        self._last = (time.monotonic(), seconds)
+        if self._first is None:
+            self._first = self._last
+
+    def processor_percent(self) -> float:
+        """Share of one core that all children together took."""
+        if self._first is None or self._last[0] <= self._first[0]:
+            return float("nan")
+        return 100.0 * (self._last[1] - self._first[1]) / (self._last[0] - self._first[0])
+
+    def memory_mb(self) -> dict[str, float]:
+        """Largest resident memory of each node."""
+        return self._memory
+
+
+def bare_chain(ticks: int, period_s: float = 0.0) -> dict[str, float]:
+    """Figures of the bare chain over `ticks`: see `bringup.bare_chain`."""
+    domain = Domain()
+    environment = {**os.environ, **ros_environment(), "ROS_DOMAIN_ID": str(domain.number)}
+    environment[PARENT_VARIABLE] = str(os.getpid())
+    processes = {
+        name: subprocess.Popen(
+            [sys.executable, "-m", "bringup.bare_chain", name, str(ticks), str(period_s)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env=environment,
+            process_group=0,
+        )
+        for name in (*(name for name in MODULES if name != RECORDER), RECORDER)
+    }
+    try:
+        for name, process in processes.items():
+            if _line(process) != "ready":
+                msg = f"the bare chain's {name} did not start"
+                raise RunError(msg)
+        plant = processes[PLANT]
+        assert plant.stdin is not None
+        plant.stdin.write("go\n")
+        plant.stdin.flush()
+        figures: dict[str, float] = json.loads(_line(plant))
+        return figures
+    finally:
+        for process in processes.values():
+            process.terminate()
+        for process in processes.values():
+            process.communicate()
+        domain.release()
+
+
+def _line(process: "subprocess.Popen[str]") -> str:
+    assert process.stdout is not None
+    return process.stdout.readline().strip()
+
+
+def as_dicts(figures: list[Figure]) -> list[dict[str, Any]]:
+    """The figures for JSON."""
+    return [{**asdict(figure), "name": figure.name.strip(), "passed": figure.passed} for figure in figures]

@@ -1,0 +1,144 @@
+"""Faults that are started and stopped while the loop runs: their shapes, and their way through a running graph."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rclpy
+from hypothesis import given
+from hypothesis import strategies as st
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from std_srvs.srv import SetBool
+
+from bringup.bag import read_bag
+from bringup.graph import run_graph
+from bringup.profiles import PROFILES, unit_profile
+from bringup.scenario import load
+from bringup.units import RPM
+from fault_injector_node.live import LiveFault, Shape
+
+SAMPLE_TIME_S = 0.1
+
+
+@given(
+    profile=st.sampled_from(PROFILES),
+    size=st.floats(-1e5, 1e5),
+    rise_s=st.floats(0.1, 50.0),
+    period_s=st.floats(0.5, 50.0),
+    time_constant_s=st.floats(0.1, 500.0),
+    duty_percent=st.floats(1.0, 99.0),
+    seed=st.integers(0, 1000),
+)
+def test_live_fault_has_the_shape_of_a_scheduled_one(
+    profile: str, size: float, rise_s: float, period_s: float, time_constant_s: float, duty_percent: float, seed: int
+) -> None:
+    keys: dict[str, Any] = {
+        "rise_s": rise_s,
+        "period_s": period_s,
+        "time_constant_s": time_constant_s,
+        "duty_percent": duty_percent,
+        "seed": seed,
+    }
+    time_s = np.arange(300) * 100_000_000 / 1e9
+    fault = LiveFault(SAMPLE_TIME_S)
+    assert fault.value(-0.1) == 0.0
+    fault.start(Shape(profile, size, **keys))
+    live = [fault.value(t) for t in time_s]
+    fault.stop()
+    assert fault.value(40.0) == 0.0
+    scheduled = size * unit_profile(time_s, profile, 0.0, **keys)
+    np.testing.assert_allclose(live, scheduled, rtol=1e-9, atol=1e-9 * abs(size))
+
+
+def test_unknown_profile_is_refused() -> None:
+    with pytest.raises(ValueError, match="allowed: step, ramp"):
+        LiveFault(0.1).start(Shape("stepp", 1.0))
+
+
+class Operator:
+    """Someone with the `ros2` command: a ROS context of its own beside the running graph."""
+
+    def __init__(self) -> None:
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context, args=[])
+        self._node = rclpy.create_node("operator", context=self._context)
+        self._executor = rclpy.executors.SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+
+    def call(self, type_: Any, name: str, request: Any) -> Any:
+        client = self._node.create_client(type_, name)
+        assert client.wait_for_service(timeout_sec=10)
+        future = client.call_async(request)
+        self._executor.spin_until_future_complete(future, timeout_sec=10)
+        assert future.done(), f"{name} did not answer"
+        return future.result()
+
+    def set(self, **values: Any) -> list[Any]:
+        parameters = [Parameter(name.replace("__", "."), value=value) for name, value in values.items()]
+        request = SetParameters.Request(parameters=[parameter.to_parameter_msg() for parameter in parameters])
+        return list(self.call(SetParameters, "/ac/fault_injector/set_parameters", request).results)
+
+    def switch(self, fault: str, on: bool) -> Any:
+        return self.call(SetBool, f"/ac/fault_injector/{fault}", SetBool.Request(data=on))
+
+    def close(self) -> None:
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+
+@pytest.fixture
+def operator() -> Iterator[Operator]:
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    someone = Operator()
+    yield someone
+    someone.close()
+
+
+@pytest.mark.ros
+def test_fault_is_started_changed_and_stopped_in_a_running_graph(operator: Operator, tmp_path: Path) -> None:
+    done: list[str] = []
+
+    def interfere(tick: int, _ticks: int) -> None:
+        if tick > 0 and not done:
+            refused = operator.set(compressor_speed__profile="jump", compressor_speed__size_rad_s=1e9)
+            assert not any(result.successful for result in refused)
+            assert "allowed: step, ramp" in refused[0].reason
+            assert all(result.successful for result in operator.set(compressor_speed__size_rad_s=40 * RPM))
+            answer = operator.switch("compressor_speed", on=True)
+            assert answer.success
+            assert "step of 4.18879 rad/s" in answer.message
+            done.append("started")
+        elif len(done) == 1:
+            assert all(result.successful for result in operator.set(compressor_speed__size_rad_s=20 * RPM))
+            done.append("changed")
+        elif len(done) == 2:
+            assert operator.switch("compressor_speed", on=False).success
+            done.append("stopped")
+
+    # On the wall clock: there is time to interfere between two ticks, and the loop must not mind.
+    run = run_graph(load("nominal", ["duration_s=6"]), tmp_path, mode="realtime", progress=interfere)
+    assert done == ["started", "changed", "stopped"]
+    recording = read_bag(run.bag)
+    truth = recording.series["fault/compressor_speed:compressor"]
+    levels = [float(value) for i, value in enumerate(truth) if i == 0 or value != truth[i - 1]]
+    np.testing.assert_allclose(levels, [0.0, 40 * RPM, 20 * RPM, 0.0])
+    added = recording.series["actuator/command:compressor"] - recording.series["controller/command:compressor"]
+    np.testing.assert_allclose(added, truth, atol=1e-9)
+
+
+@pytest.mark.ros
+def test_realtime_keeps_to_the_wall_clock(tmp_path: Path) -> None:
+    run = run_graph(load("nominal", ["duration_s=3", "sample_time_s=0.05"]), tmp_path, mode="realtime")
+    assert run.ticks == 60
+    assert run.wall_seconds >= 3.0 - 0.05  # never faster than the clock; how much slower is the machine's business
+    recording = read_bag(run.bag)
+    np.testing.assert_array_equal(recording.time_s, np.arange(60) * 50_000_000 / 1e9)
+    assert recording.metadata["mode"] == "realtime"
+    assert recording.metadata["missed_ticks"] == run.missed_ticks
+    missing = np.isnan(recording.series["controller/command:compressor"]).sum()
+    assert missing <= run.missed_ticks  # what is missing has been counted
