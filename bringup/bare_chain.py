@@ -5,8 +5,8 @@ messages with a new stamp. Same topics, types, QoS, processes and order within a
 every message serialised and drops it.
 
 ``python -m bringup.bare_chain NODE TICKS PERIOD_S`` is one process; it says ``ready`` when its outputs have found their
-readers. The plant then waits for a line on its standard input, beats TICKS times (as fast as it goes, or every PERIOD_S)
-and prints its figures as JSON.
+readers. The plant then waits for a line on its standard input, beats TICKS times (as fast as it goes, or every
+PERIOD_S) and prints its figures as JSON.
 """
 
 import json
@@ -19,6 +19,7 @@ from typing import Any
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 
 from bringup.messages import message_class
@@ -175,6 +176,9 @@ def main() -> int:
         executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
+    except _rclpy.RCLError:
+        if rclpy.ok():
+            raise  # else told to end in the middle of a call into the middleware
     finally:
         rclpy.try_shutdown()
     return 0

@@ -4,6 +4,7 @@ Exit codes: 2 bad input, 1 a run that failed or a comparison that differs, 130 i
 by the command that needs them, so that help comes at once.
 """
 
+import contextlib
 import difflib
 import json
 import math
@@ -413,6 +414,61 @@ def calibrate(as_json: bool) -> None:
         ["operating point", "volumetric efficiency", "valve area"],
         [[point.row.name, f"{point.eta_v:.4f}", f"{1e6 * point.valve_area_m2:.4f} mm²"] for point in points],
     )
+
+
+@cli.command(
+    epilog=_examples("acftc topics", "acftc topics --json | jq '.[].name'"),
+    short_help="What flows between the nodes of a running graph.",
+)
+@_json_option
+def topics(as_json: bool) -> None:
+    """Show the topics of the running loop: type, rate, last value, publishers and subscribers; Ctrl-C ends it.
+
+    Looks into the ROS domain of ROS_DOMAIN_ID, 0 when it is not set: where `acftc run` puts a graph by default. With
+    --json it watches for two seconds and prints what it has seen.
+    """
+    from bringup.watch import table, topics_live, topics_once
+
+    if as_json:
+        _print_json(topics_once())
+        return
+    from rich.live import Live
+
+    with Live(auto_refresh=False) as live, contextlib.suppress(KeyboardInterrupt):
+        for rows in topics_live():
+            live.update(table(rows), refresh=True)
+
+
+@cli.command(
+    epilog=_examples("acftc bench", "acftc bench --realtime 10 --json"),
+    short_help="Speed, start, latency, memory: measured, beside what they are to reach.",
+)
+@click.option("--realtime", "realtime_s", default=60.0, show_default=True, help="Length of the run at 100 Hz, s.")
+@click.option("--ticks", default=1000, show_default=True, help="Ticks of each lockstep run.")
+@_json_option
+def bench(realtime_s: float, ticks: int, as_json: bool) -> None:
+    """Measure the graph beside a bare chain of processes that moves the same messages and computes nothing.
+
+    Takes some two minutes, and wants the machine for itself. Exit code 1 when a bar is missed.
+    """
+    from bringup.bench import as_dicts
+    from bringup.bench import bench as measure
+
+    figures = measure(ticks=ticks, realtime_s=realtime_s, say=_say)
+    if as_json:
+        _print_json(as_dicts(figures))
+    else:
+        rows = []
+        for figure in figures:
+            bar = "" if figure.bar is None else f"{'>=' if figure.at_least else '<='} {figure.bar:g}"
+            beside = "" if figure.reference is None else f"{figure.reference:.4g}"
+            verdict = {None: "", True: "ok", False: "missed"}[figure.passed]
+            rows.append([figure.name, f"{figure.ours:.4g} {figure.unit}", beside, bar, verdict])
+        _table(["", "ours", "bare chain", "bar", ""], rows)
+    missed = [figure.name.strip() for figure in figures if figure.passed is False]
+    if missed:
+        msg = f"missed: {', '.join(missed)}"
+        raise RunError(msg)
 
 
 @cli.command(epilog=_examples('eval "$(acftc completion bash)"', "acftc completion fish | source"))
