@@ -74,6 +74,7 @@ _CD = INDEX["valve_discharge_coefficient"]
 
 # Numerical regularisation, all of it in rows that carry neither mass nor energy.
 _ZETA_FLOOR = 0.02  # a vanishing zone answers as if it had at least this length
+_OUTLET_BAND_K = 2.0  # over this span above the hottest surroundings the superheated zone's heat flow ends
 _CP_VAPOUR = 1.0e3  # J/(kg K): turns a temperature into an enthalpy where only the order of size matters
 _ZETA_RATE = 5.0  # 1/s: fastest relative change of the condenser's first zone
 _ZETA_C1_MAX = 0.9  # longest first zone of the condenser
@@ -83,6 +84,7 @@ _TAU_WALL_S = 5.0  # lag with which the wall of an absent zone joins its neighbo
 # Of the order of the fastest boundary motion of ordinary operation: at 0.01 the upwinding switches sides at every
 # change of command, a kink in T_w and SH of up to 100 % of their linear response that no linear design can see.
 _UPWIND_RATE = 0.2  # 1/s: zone boundaries slower than this carry the mean of both wall temperatures
+_UPWIND_SHARP, _UPWIND_ZONE = 0.01, 0.08  # but this sharp where a zone is about to vanish, shorter than the second
 _SUPERHEAT_FLOOR = 2.0e3  # J/kg: least mean superheat that the condenser's first zone is divided by
 _X_INLET_MAX = 0.95  # the mean void fraction is taken from at most this inlet quality
 _X_OUTLET_MIN = 0.7  # the suction header holds back liquid: quality drawn by the compressor
@@ -284,9 +286,13 @@ def _ramp(x):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _upwind(rate):  # type: ignore[no-untyped-def]
-    """Share of the far side's wall temperature that a zone boundary moving outwards at `rate` (1/s) picks up."""
-    return 0.5 * (1.0 + rate / math.sqrt(rate * rate + _UPWIND_RATE * _UPWIND_RATE))
+def _upwind(rate, shorter):  # type: ignore[no-untyped-def]
+    """Share of the far side's wall temperature that a zone boundary moving outwards at `rate` (1/s) picks up.
+
+    `shorter` is the length of the shorter of the two zones: before one vanishes, the upwinding turns sharp.
+    """
+    width = _UPWIND_SHARP + (_UPWIND_RATE - _UPWIND_SHARP) * _ramp(shorter / _UPWIND_ZONE)
+    return 0.5 * (1.0 + rate / math.sqrt(rate * rate + width * width))
 
 
 @jit
@@ -454,6 +460,11 @@ def rhs(s, w, par, tab, guess, z, ds, aux):  # type: ignore[no-untyped-def]
     k_e2 = par[_AE] * par[_ESH]
     q_e1 = k_e1 * (tw_e1 - te)  # per unit of zone length
     q_e2 = k_e2 * (tw_e2 - t2_e)
+    t_air = w[3] + 273.15
+    # Vapour that leaves as hot as the hottest thing around it takes up no more heat (a linear profile does not know).
+    excess = te + superheat - max(t_air, tw_e1, tw_e2)
+    if regime_e == 0 and q_e2 > 0.0:
+        q_e2 *= 1.0 - _ramp(excess / _OUTLET_BAND_K)
     wetness_c = min((1.0 - void_c) / _DRY_LIQUID, 1.0)
     q_c1 = par[_AC] * par[_CSH] * (tw_c1 - t1_c)
     q_c2 = par[_AC] * (par[_CSH] + (par[_CTP] - par[_CSH]) * wetness_c) * (tw_c2 - t2_c)
@@ -468,7 +479,6 @@ def rhs(s, w, par, tab, guess, z, ds, aux):  # type: ignore[no-untyped-def]
     g_e *= 1.0 - math.exp(-par[_EUA] * (air / par[_EMA]) ** par[_EXP] / g_e)
     g_c = par[_CMA] * par[_CP]
     g_c *= 1.0 - math.exp(-par[_CUA] / g_c)
-    t_air = w[3] + 273.15
     q_air_e = g_e * (t_air - tw_e)
     q_air_c = g_c * (par[_CTA] - s[9])
     # --- conserved quantities: exact whatever the zones do ---------------------------------------------------------
@@ -476,9 +486,8 @@ def rhs(s, w, par, tab, guess, z, ds, aux):  # type: ignore[no-untyped-def]
     dm_c, du_c = m_c - m_v, m_c * hd - m_v * h3 + q_c
     # --- descriptor system for [p_e, zeta_e1, h_e2, p_c, zeta_c1, zeta_c2, h_c3] -----------------------------------
     target_e, target_c = hm_e, h_rest
-    # The linear profile must not carry the outlet below saturation, nor above every temperature around it (it would,
-    # with no flow, where the profile is flat in truth).
-    beyond_e = min(h2 - hg_e, 0.0) + _CP_VAPOUR * max(te + superheat - max(t_air, tw_e1, tw_e2), 0.0)
+    # The linear profile must not carry the outlet below saturation, nor stay above every temperature around it.
+    beyond_e = min(h2 - hg_e, 0.0) + _CP_VAPOUR * max(excess, 0.0)
     if regime_e == 1:
         # Liquid beyond what complete evaporation holds leaves with the vapour: slope of Zivi's profile at x = 1.
         full, _, _ = mean_void((rg_e / rf_e) ** (2.0 / 3.0), x4)
@@ -605,10 +614,10 @@ def rhs(s, w, par, tab, guess, z, ds, aux):  # type: ignore[no-untyped-def]
     dzeta_e, dzeta_c1, dzeta_c2 = z[1, 7], z[4, 7], z[5, 7]
     dzeta_c3 = -dzeta_c1 - dzeta_c2
     # --- wall temperatures -----------------------------------------------------------------------------------------
-    up = _upwind(dzeta_e)
+    up = _upwind(dzeta_e, min(zeta_e, zeta_e2))
     dt_e1 = (g_e * (t_air - tw_e1) - q_e1) / par[_CE] - up * d_e * dzeta_e / max(zeta_e, _ZETA_FLOOR)
     dt_e2 = (g_e * (t_air - tw_e2) - q_e2) / par[_CE] - (1.0 - up) * d_e * dzeta_e / max(zeta_e2, _ZETA_FLOOR)
-    up1, up3 = _upwind(dzeta_c1), _upwind(dzeta_c3)
+    up1, up3 = _upwind(dzeta_c1, min(zc1, zeta_c2)), _upwind(dzeta_c3, min(zeta_c3, zeta_c2))
     d1, d3 = s[10], s[11]
     dt_c1 = (g_c * (par[_CTA] - tw_c1) - q_c1) / par[_CC] - up1 * d1 * dzeta_c1 / max(zc1, _ZETA_FLOOR)
     dt_c3 = (g_c * (par[_CTA] - tw_c3) - q_c3) / par[_CC] - up3 * d3 * dzeta_c3 / max(zeta_c3, _ZETA_FLOOR)
