@@ -13,7 +13,7 @@ import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Channel, Chunk, Metadata, Schema
+from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 from mcap.stream_reader import StreamReader
 
 from bringup.cdr import NANOSECONDS, columns, read_diagnostics, stamp_ns, stamps_ns, status_row
@@ -36,12 +36,14 @@ class RawBag:
     messages : for each topic a list of (log time in ns, CDR bytes).
     types : type of each topic.
     run : what was run, as the recorder was told.
+    attachments : files that were stored with it, by name.
     complete : False when the file ends before its time.
     """
 
     messages: dict[str, list[tuple[int, bytes]]] = field(default_factory=dict)
     types: dict[str, str] = field(default_factory=dict)
     run: dict[str, Any] = field(default_factory=dict)
+    attachments: dict[str, bytes] = field(default_factory=dict)
     complete: bool = False
 
 
@@ -178,6 +180,8 @@ def _read_file(reader: StreamReader, result: RawBag) -> None:
             channels.define(record)
         elif isinstance(record, Metadata) and record.name == RUN_RECORD:
             result.run = json.loads(record.metadata["run"])
+        elif isinstance(record, Attachment):
+            result.attachments[record.name] = record.data
 
 
 def _read_chunk(chunk: Chunk, channels: _Channels) -> None:

@@ -94,6 +94,9 @@ MODE = Parameter("mode", "lockstep", "what a tick waits for: loop or wall clock"
 SAMPLE_TIME = Parameter("sample_time_s", 0.1, "sample time of the loop, s", low=0.01, high=0.1)
 
 
+DESIGN_FILE = Parameter("design_file", "", "file with a design of your own (.npz); empty: that of the operating point")
+
+
 class Health:
     """What a node has to say on /diagnostics about its own work since the last report."""
 
@@ -183,6 +186,15 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
     def value(self, name: str) -> Any:
         """Value of a parameter."""
         return self.get_parameter(name).value
+
+    def design(self, kind: Any) -> Any:
+        """Design of class `kind` that the parameters ask for: a file's, or that of the operating point."""
+        from bringup.designs import design_of, from_file
+
+        sample_time_s = self.value("sample_time_s")
+        if self.value("design_file"):
+            return from_file(kind, self.value("design_file"), sample_time_s)
+        return design_of(self.get_name(), self.value("operating_point"), sample_time_s)
 
     def on_tick(self, topics: Sequence[str], act: Callable[..., None]) -> None:
         """Call ``act(stamp_ns, values...)`` for each tick of which all of `topics` have arrived."""

@@ -94,6 +94,11 @@ class BagWriter:
             self._flushed_s = now
             self._writer.flush()  # type: ignore[no-untyped-call]
 
+    def attach(self, name: str, data: bytes) -> None:
+        """Store a file with the bag."""
+        time_ns = self._last_ns
+        self._writer.add_attachment(time_ns, time_ns, name, "application/octet-stream", data)
+
     def close(self) -> None:
         """Write index and metadata; the folder is a complete bag then."""
         self._writer.finish()  # type: ignore[no-untyped-call]

@@ -120,7 +120,19 @@ class RecorderNode(NodeShell):
         if rclpy.ok():
             self._raw.take()  # what was still on its way
         bag, self._bag = self._bag, None
+        if self._complete:
+            self._attach_designs(bag)
         bag.close()
+
+    def _attach_designs(self, bag: BagWriter) -> None:
+        """Store the designs that were used: whoever replays the bag elsewhere must not depend on a synthesis there."""
+        from bringup.designs import ATTACHMENT, DESIGNED, design_of, to_bytes
+
+        run = json.loads(self.value("run"))
+        if "operating_point" in run:
+            for node in DESIGNED:
+                design = design_of(node, run["operating_point"], run["sample_time_s"])
+                bag.attach(ATTACHMENT.format(node), to_bytes(design))
 
     def health_values(self) -> dict[str, Any]:
         """Whether the bag holds the whole run."""

@@ -9,6 +9,7 @@ from typing import Any
 
 from bringup.bag import RawBag, decode, read_raw
 from bringup.cdr import restamped, stamp_ns
+from bringup.designs import ATTACHMENT
 from bringup.errors import BringupError, RunError
 from bringup.graph import MODULES, node_arguments, node_parameters
 from bringup.processes import Child, Domain, ros_environment, start, stop
@@ -93,7 +94,7 @@ def replay(
     try:
         environment = {**ros_environment(), "ROS_DOMAIN_ID": str(domain.number)}
         with tempfile.TemporaryDirectory(prefix="acftc-replay-") as folder:
-            own = {**_parameters(raw, node, Path(folder)), **(parameters or {})}
+            own = {**_parameters(raw, node, Path(folder)), **_design(raw, node, Path(folder)), **(parameters or {})}
             arguments = node_arguments(MODULES[node], node, own, Path(folder))
             child = start(node, arguments, Path(folder), environment)
             try:
@@ -108,6 +109,16 @@ def _parameters(raw: RawBag, node: str, folder: Path) -> dict[str, Any]:
     scenario = check(raw.run["scenario"])
     own = node_parameters(scenario, folder, "lockstep", bool(raw.run["passive"]))[node]
     return {**own, "ticks": 0} if node == PLANT else own
+
+
+def _design(raw: RawBag, node: str, folder: Path) -> dict[str, Any]:
+    """The design of the recorded run as a parameter: another machine's synthesis would round differently."""
+    content = raw.attachments.get(ATTACHMENT.format(node))
+    if content is None:
+        return {}
+    file = folder / "design.npz"
+    file.write_bytes(content)
+    return {"design_file": str(file)}
 
 
 @dataclass

@@ -64,11 +64,11 @@ class Supervisor:
         order = list(order)
         self.connect(order, lambda: all(self._connected(name) for name in order))
         for name in order:
-            self._reach([name], Transition.TRANSITION_ACTIVATE, "active")
+            self.change([name], Transition.TRANSITION_ACTIVATE, "active")
 
     def connect(self, names: Iterable[str], connected: Callable[[], bool]) -> None:
         """Configure nodes (those that are not yet) and wait until `connected`."""
-        self._reach(
+        self.change(
             [name for name in names if self._of(name, "state") != "inactive"],
             Transition.TRANSITION_CONFIGURE,
             "inactive",
@@ -116,8 +116,10 @@ class Supervisor:
     def _of(self, name: str, key: str) -> str:
         return self.health.get(name, {}).get(key, "")
 
-    def _reach(self, names: list[str], transition: int, state: str) -> None:
+    def change(self, names: list[str], transition: int, state: str) -> None:
         """Request `transition` of each node as soon as its service is there; until all report `state`."""
+        for name in names:
+            self._replies.pop((name, transition), None)
 
         def done() -> bool:
             for name in names:

@@ -4,11 +4,11 @@ import sys
 
 import numpy as np
 
-from bringup.node_shell import OPERATING_POINT, SAMPLE_TIME, NodeShell, run_node
+from bringup.node_shell import DESIGN_FILE, OPERATING_POINT, SAMPLE_TIME, NodeShell, run_node
 from bringup.recording import StatusRow
 from bringup.topics import FDI
 
-PARAMETERS = (OPERATING_POINT, SAMPLE_TIME)
+PARAMETERS = (OPERATING_POINT, SAMPLE_TIME, DESIGN_FILE)
 MEASURED = ("measured/evaporator_pressure", "measured/superheat", "measured/wall_temperature")
 
 
@@ -20,11 +20,9 @@ class FdiNode(NodeShell):
 
     def configure(self) -> None:
         """Load the design of the operating point."""
-        import fdi_node
+        from fdi_node import FaultDetector, FdiDesign
 
-        self._detector = fdi_node.FaultDetector(
-            fdi_node.design(self.value("operating_point"), self.value("sample_time_s"))
-        )
+        self._detector = FaultDetector(self.design(FdiDesign))
         self._start_ns: int | None = None
         self._waits_for_command_of: int | None = None
         self._early: tuple[float, ...] | None = None

@@ -4,13 +4,14 @@ import sys
 
 import numpy as np
 
-from bringup.node_shell import OPERATING_POINT, SAMPLE_TIME, NodeShell, Parameter, run_node
+from bringup.node_shell import DESIGN_FILE, OPERATING_POINT, SAMPLE_TIME, NodeShell, Parameter, run_node
 from bringup.recording import StatusRow
 from bringup.topics import COMPENSATOR
 
 PARAMETERS = (
     OPERATING_POINT,
     SAMPLE_TIME,
+    DESIGN_FILE,
     Parameter("accommodate", True, "false leaves K0 alone: q is 0 whatever is isolated"),
 )
 
@@ -23,10 +24,9 @@ class CompensatorNode(NodeShell):
 
     def configure(self) -> None:
         """Load the design of the operating point."""
-        import gimc_controller_node
+        from gimc_controller_node import Compensator, CompensatorDesign
 
-        design = gimc_controller_node.design_compensator(self.value("operating_point"), self.value("sample_time_s"))
-        self._compensator = gimc_controller_node.Compensator(design, accommodate=self.value("accommodate"))
+        self._compensator = Compensator(self.design(CompensatorDesign), accommodate=self.value("accommodate"))
         self.on_tick(
             (
                 "fdi/innovation/evaporator_pressure",

@@ -4,10 +4,10 @@ import sys
 
 import numpy as np
 
-from bringup.node_shell import OPERATING_POINT, SAMPLE_TIME, NodeShell, run_node
+from bringup.node_shell import DESIGN_FILE, OPERATING_POINT, SAMPLE_TIME, NodeShell, run_node
 from bringup.topics import CONTROLLER
 
-PARAMETERS = (OPERATING_POINT, SAMPLE_TIME)
+PARAMETERS = (OPERATING_POINT, SAMPLE_TIME, DESIGN_FILE)
 
 
 class ControllerNode(NodeShell):
@@ -18,11 +18,9 @@ class ControllerNode(NodeShell):
 
     def configure(self) -> None:
         """Load the design of the operating point."""
-        import gimc_controller_node
+        from gimc_controller_node import Controller, ControllerDesign
 
-        self._controller = gimc_controller_node.Controller(
-            gimc_controller_node.design_controller(self.value("operating_point"), self.value("sample_time_s"))
-        )
+        self._controller = Controller(self.design(ControllerDesign))
         self.on_tick(
             (
                 "reference/evaporator_pressure",

@@ -33,7 +33,7 @@ def test_bag_cut_short_can_be_replayed(run: GraphRun, tmp_path: Path) -> None:
     part = tmp_path / "part.mcap"
     shutil.copy(file, part)
     with part.open("r+b") as stream:
-        stream.truncate(file.stat().st_size * 2 // 3)
+        stream.truncate(file.stat().st_size // 3)
     result = replay(part, "fdi")
     assert 0 < result.ticks < run.ticks
     assert result.bit_for_bit

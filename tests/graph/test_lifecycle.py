@@ -1,0 +1,50 @@
+"""The life cycle as `ros2 lifecycle` would drive it: a node acts on its inputs only while it is active."""
+
+from pathlib import Path
+
+import pytest
+from lifecycle_msgs.msg import Transition
+
+from bringup.cdr import packer
+from bringup.feeder import Feeder
+from bringup.graph import MODULES, node_arguments
+from bringup.processes import ros_environment, start, stop
+from bringup.supervisor import Supervisor
+from bringup.topics import BY_NAME, CONTROLLER, TOPICS, Topic
+
+pytestmark = pytest.mark.ros
+
+INPUTS = [topic for topic in TOPICS if CONTROLLER in topic.subscribers]
+
+
+def tick(k: int) -> list[tuple[Topic, bytes]]:
+    return [(topic, packer(topic)(k * 100_000_000, [1.0] * len(topic.series))) for topic in INPUTS]
+
+
+def command_of(feeder: Feeder, k: int, patience_s: float = 10.0) -> bytes | None:
+    """The command for tick k, when it comes."""
+    expected = {"controller/command": packer(BY_NAME["controller/command"])(k * 100_000_000, [0.0, 0.0])}
+    return (feeder.collect(expected, patience_s) or {}).get("controller/command")
+
+
+def test_controller_acts_only_while_it_is_active(tmp_path: Path) -> None:
+    arguments = node_arguments(MODULES[CONTROLLER], CONTROLLER, {}, tmp_path)
+    child = start(CONTROLLER, arguments, tmp_path, ros_environment())
+    try:
+        with Supervisor({CONTROLLER: child}, ros_environment()) as supervisor:
+            feeder = Feeder(supervisor, CONTROLLER)
+            supervisor.connect([CONTROLLER], feeder.is_matched)
+            feeder.publish(tick(0))
+            assert command_of(feeder, 0, patience_s=0.3) is None  # inactive
+            supervisor.activate([CONTROLLER])
+            feeder.publish(tick(1))
+            assert command_of(feeder, 1) is not None
+            supervisor.change([CONTROLLER], Transition.TRANSITION_DEACTIVATE, "inactive")
+            feeder.publish(tick(2))
+            assert command_of(feeder, 2, patience_s=0.3) is None
+            supervisor.change([CONTROLLER], Transition.TRANSITION_ACTIVATE, "active")
+            feeder.publish(tick(3))
+            assert command_of(feeder, 3) is not None
+            assert feeder.got == {}  # nothing late for tick 2
+    finally:
+        stop([child])
