@@ -5,9 +5,7 @@ The observer and the isolation filter are linear and run in deviations from the 
     f_e = N~ u - M~ y   (M~ = (A+LC, L, C, I), N~ = (A+LC, B+LD, C, D); u with the measured air inlet temperature)
     r   = H f_e         (low-passed estimates of f_N and f_p)
 
-The decision is a small state machine for each fault on `|r_i| / threshold_i`. One thing is decided without waiting
-for the residuals: the pressure of boiling refrigerant cannot jump within a tick, so an innovation that does is the
-sensor's.
+The decision is a small state machine for each fault on `|r_i| / threshold_i`.
 """
 
 import math
@@ -22,8 +20,6 @@ Vector = NDArray[np.float64]
 
 FAULTS = ("compressor_speed", "evaporator_pressure")
 """The faults that are told apart, in the order of the residuals."""
-
-PRESSURE = FAULTS.index("evaporator_pressure")
 
 
 @dataclass(frozen=True)
@@ -67,8 +63,6 @@ class FdiDesign:
         Evaporator pressure [Pa], superheat [K], wall temperature [degC] there.
     thresholds : ndarray, shape (2,)
         Detection thresholds of the residuals [rad/s, Pa].
-    jump_threshold : float
-        Change of p_e's innovation from one tick to the next [Pa] that only its sensor can make.
     sample_time_s : float
     """
 
@@ -82,7 +76,6 @@ class FdiDesign:
     input_rest: Vector
     output_rest: Vector
     thresholds: Vector
-    jump_threshold: float
     sample_time_s: float
     supervision: Supervision = field(default_factory=Supervision)
 
@@ -91,12 +84,7 @@ class FdiDesign:
         """Design from the arrays that the cache stores."""
         names = ("a", "b", "c", "h_a", "h_b", "h_c", "h_d", "input_rest", "output_rest", "thresholds")
         matrices = {name: np.ascontiguousarray(arrays[name]) for name in names}
-        return cls(
-            jump_threshold=float(arrays["jump_threshold"]),
-            sample_time_s=float(arrays["sample_time_s"]),
-            supervision=Supervision(),
-            **matrices,
-        )
+        return cls(sample_time_s=float(arrays["sample_time_s"]), supervision=Supervision(), **matrices)
 
 
 @dataclass(frozen=True)
@@ -143,8 +131,6 @@ class FaultDetector:
         self._above_since = [math.nan, math.nan]
         self._leads_since = [math.nan, math.nan]
         self._below_since = math.nan
-        self._last_pressure = 0.0
-        self._before_jump: float | None = None
         self._onset_s = math.nan
         self._isolated: int | None = None
         self._isolated_s = math.nan
@@ -171,7 +157,6 @@ class FaultDetector:
         self._filter = design.h_a @ self._filter + design.h_b @ innovation
         self._inputs[2] = air_inlet_temperature_c - design.input_rest[2]
         self._inputs[3:] = deviation
-        self._watch_for_jump(time_s, float(innovation[0]))
         self._decide(time_s, [abs(float(r)) / float(t) for r, t in zip(residual, design.thresholds, strict=True)])
         i = self._isolated
         return Detection(
@@ -193,18 +178,6 @@ class FaultDetector:
         design = self.design
         self._inputs[:2] = command - design.input_rest[:2]
         self._observer = design.a @ self._observer + design.b @ self._inputs
-
-    def _watch_for_jump(self, time_s: float, pressure: float) -> None:
-        """Isolate the pressure sensor when its innovation has jumped and, one tick later, has not come back."""
-        limit = self.design.jump_threshold
-        if self._before_jump is not None:
-            if self._isolated is None and abs(pressure - self._before_jump) > 0.5 * limit:
-                self._onset_s, self._isolated, self._isolated_s = time_s - self.design.sample_time_s, PRESSURE, time_s
-                self._below_since = math.nan  # the residual has yet to rise
-            self._before_jump = None
-        elif abs(pressure - self._last_pressure) > limit:
-            self._before_jump = self._last_pressure
-        self._last_pressure = pressure
 
     def _decide(self, time_s: float, ratios: list[float]) -> None:
         """One step of the state machine on `ratios = |r_i| / threshold_i`."""

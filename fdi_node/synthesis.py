@@ -22,8 +22,8 @@ from fdi_node.design_model import (
     to_si,
 )
 from fdi_node.design_report import BlockReport
-from fdi_node.thresholds import jump_threshold, noise_thresholds, residual_covariances
-from fdi_node.weights import FdiWeights
+from fdi_node.thresholds import noise_thresholds, residual_covariances
+from fdi_node.weights import FdiWeights, MeasurementNoise
 from gimc.coprime import filter_gain
 from gimc.interconnect import Abcd, add, block_diagonal, inverse, scale, series, stack_inputs, state_space
 from gimc.model_matching import isolation_synthesis
@@ -45,27 +45,31 @@ def observer_gain(system: FaultySystem, weights: FdiWeights) -> Matrix:
     return filter_gain(plant, process=inputs @ inputs.T, measurement=np.ones(len(system.C)))
 
 
-def isolation_problem(
-    system: FaultySystem, L: Matrix, weights: FdiWeights
-) -> tuple[control.StateSpace, control.StateSpace, control.StateSpace]:
-    """Factors `[N~d, M~ W]`, `N~f` and the target T of the isolation problem, on one common state.
+def innovation_factors(
+    system: FaultySystem, L: Matrix, noise: MeasurementNoise
+) -> tuple[control.StateSpace, control.StateSpace]:
+    """Factors `[N~d, M~ W]` and `N~f` on one common state: `f_e = -([N~d, M~ W] [d; n] + N~f f)`.
 
-    A noise n on the measurements enters f_e as `-M~ n`, so the regularisation has the colour of M~, and the problem
-    does not depend on the choice of L. On measurement i, `W_i = noise_i (s + noise_at_rest * corner) / (s + corner)`.
+    A noise on the measurements enters f_e through M~, so the regularisation has its colour, and a filter's problem does
+    not depend on the choice of L.
     """
     p, nf = len(system.C), system.F1.shape[1]
     Nd, Nf = disturbance_factor(system, L), fault_factor(system, L)
-    corner, noise = weights.noise_corner_rad_s, np.diag(weights.noise)
-    A = block_diagonal(Nd.A, -corner * np.eye(p))
-    A[: len(system.A), len(system.A) :] = L @ noise
-    C = np.hstack([Nd.C, noise])
-    B_noise = np.vstack([L @ noise, (weights.noise_at_rest - 1.0) * corner * np.eye(p)])
+    level = np.diag(noise.level)
+    A = block_diagonal(Nd.A, -noise.corner_rad_s * np.eye(p))
+    A[: len(system.A), len(system.A) :] = L @ level
+    C = np.hstack([Nd.C, level])
+    B_noise = np.vstack([L @ level, (noise.at_rest - 1.0) * noise.corner_rad_s * np.eye(p)])
     B_d = np.vstack([Nd.B, np.zeros((p, Nd.ninputs))])
     B_f = np.vstack([Nf.B, np.zeros((p, nf))])
-    speed = np.eye(nf) / weights.target_time_s
-    T = state_space((-speed, speed, np.eye(nf), np.zeros((nf, nf))))
-    disturbances = state_space((A, np.hstack([B_d, B_noise]), C, np.hstack([Nd.D, noise])))
-    return disturbances, state_space((A, B_f, C, Nf.D)), T
+    disturbances = state_space((A, np.hstack([B_d, B_noise]), C, np.hstack([Nd.D, level])))
+    return disturbances, state_space((A, B_f, C, Nf.D))
+
+
+def target(weights: FdiWeights, size: int) -> control.StateSpace:
+    """`T = I / (target_time s + 1)`."""
+    speed, eye = np.eye(size) / weights.target_time_s, np.eye(size)
+    return state_space((-speed, speed, eye, np.zeros((size, size))))
 
 
 def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
@@ -80,7 +84,8 @@ def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
     model = design_model(point)
     system = model.system
     L = observer_gain(system, weights)
-    disturbances, faults, T = isolation_problem(system, L, weights)
+    disturbances, faults = innovation_factors(system, L, weights.noise)
+    T = target(weights, faults.ninputs)
     # W ([0 T] - H N) = [0 W T] - (W H) N: W is stable with a stable inverse, so the filter that is free is W H.
     W = error_weight(weights, T.noutputs)
     matching = isolation_synthesis(disturbances, faults, state_space(series(W, T)), RANK_NOISE)
@@ -100,7 +105,7 @@ def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
         lower_bound=matching.lower_bound,
         order=H_full.A.shape[0],
         order_reduced=reduced.order,
-        regularisation=f"eps {', '.join(f'{n:g}' for n in weights.noise)}; at rest {weights.noise_at_rest:g} of it",
+        regularisation=str(weights.noise),
         slowest_pole_rad_s=float(poles(reduced.system).real.max()),
         seconds=time.perf_counter() - started,
     )
@@ -115,7 +120,6 @@ def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
         "input_rest": np.array([*rest.inputs[:2], rest.inputs[3]]),
         "output_rest": np.array(rest.outputs[:3]),
         "thresholds": noise_thresholds(covariance, shifted, sample_time_s, weights.false_alarms_per_hour),
-        "jump_threshold": np.array(jump_threshold(abs(float(c[0] @ b[:, 0])), weights, sample_time_s)),
         "sample_time_s": np.array(sample_time_s),
         "L": L,
         "report": report.to_array(),

@@ -5,10 +5,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, solve_discrete_lyapunov
-from scipy.stats import norm
-
-from bringup.units import RPM
-from fdi_node.weights import FdiWeights
 
 Matrix = NDArray[np.float64]
 
@@ -61,19 +57,3 @@ def noise_thresholds(covariance: Matrix, shifted: Matrix, sample_time_s: float, 
     crossings = np.arccos(correlation) / (2.0 * math.pi * sample_time_s)
     ratio = 2.0 * crossings * 3600.0 / alarms_per_hour
     return np.asarray(sigma * np.sqrt(2.0 * np.log(np.maximum(ratio, math.e))))
-
-
-def jump_threshold(pressure_per_speed: float, weights: FdiWeights, sample_time_s: float) -> float:
-    """Change of p_e's innovation in one tick that neither noise nor the compressor makes [Pa].
-
-    Parameters
-    ----------
-    pressure_per_speed : float
-        What one rad/s more of compressor speed does to p_e within one tick [Pa s/rad].
-    weights : FdiWeights
-        With the sensor's noise, whose difference over a tick has sqrt(2) times its standard deviation.
-    sample_time_s : float
-    """
-    ticks_per_alarm = 3600.0 / (weights.false_alarms_per_hour * sample_time_s)
-    noise = math.sqrt(2.0) * weights.sensor_noise[0] * float(norm.isf(0.5 / ticks_per_alarm))
-    return noise + pressure_per_speed * weights.speed_step_rpm * RPM

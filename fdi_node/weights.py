@@ -4,6 +4,29 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
+class MeasurementNoise:
+    """Noise on the measurements that regularises a filter's design: `level_i (s + at_rest * corner) / (s + corner)`.
+
+    Attributes
+    ----------
+    level : tuple of float
+        On p_e, SH, T_w at high frequency, in design units.
+    at_rest : float
+        The part of it that is left at rest: small, so that estimates are exact there.
+    corner_rad_s : float
+        The frequency from which it counts in full.
+    """
+
+    level: tuple[float, float, float]
+    at_rest: float = 0.01
+    corner_rad_s: float = 0.1
+
+    def __str__(self) -> str:
+        """As `acftc design` prints it."""
+        return f"eps {', '.join(f'{level:g}' for level in self.level)}"
+
+
+@dataclass(frozen=True)
 class FdiWeights:
     """Weights of observer, isolation filter and thresholds, in design units (see `fdi_node.design_model`).
 
@@ -11,12 +34,8 @@ class FdiWeights:
     ----------
     target_time_s : float
         Time constant of T: the residuals are the faults through `1 / (target_time_s s + 1)`.
-    noise : tuple of float
-        Measurement noise of p_e, SH, T_w that H has to bear (the regularisation "eps") at high frequency,
-    noise_at_rest : float
-        the part of it that is left at rest: small, so that the estimates are exact there,
-    noise_corner_rad_s : float
-        and the frequency from which it counts in full.
+    noise : MeasurementNoise
+        What H has to bear: the regularisation "eps".
     error_corner_rad_s, error_at_rest, error_rolloff_rad_s : float
         The weight on `[0 T] - H [N~d N~f]`, `(s + corner) / (s + at_rest * corner) * (s / rolloff + 1)`: an error is
         dear at rest, where the estimates are read, and far above T's bandwidth, where steps cross over into the other
@@ -29,21 +48,16 @@ class FdiWeights:
         What the sensors of p_e [Pa], SH [K], T_w [K] really have (rms at the sampling instants), for the thresholds.
     false_alarms_per_hour : float
         How often noise alone may take a residual over its threshold.
-    speed_step_rpm : float
-        Largest sudden change of the compressor's speed that must not be taken for a jump of the pressure sensor.
     reduction : float
         Hankel singular values below this part of the largest are left out of H.
     """
 
     target_time_s: float = 10.0
-    noise: tuple[float, float, float] = (0.02, 0.02, 0.02)
-    noise_at_rest: float = 0.01
-    noise_corner_rad_s: float = 0.1
+    noise: MeasurementNoise = MeasurementNoise((0.02, 0.02, 0.02))
     error_corner_rad_s: float = 0.05
     error_at_rest: float = 0.01
     error_rolloff_rad_s: float = 1.0
     process_noise: float = 0.1
     sensor_noise: tuple[float, float, float] = (200.0, 0.1, 0.05)
     false_alarms_per_hour: float = 1e-3
-    speed_step_rpm: float = 100.0
     reduction: float = 1e-3

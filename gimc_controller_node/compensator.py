@@ -1,6 +1,9 @@
-"""The compensator at run time: `q = Q f_e`, with Q_act or Q_sen as the isolation says.
+"""The compensator at run time: `q = Q f_e`, with the Q that the isolation calls for.
 
-Both filters run all the time, so that the one that is let in has seen the fault from its first moment; which of them
+As long as no fault is isolated a Q for both faults at once stands guard: plant outputs move within tenths of a second
+of a fault, sooner than anything can be isolated. Q_act or Q_sen, each for its own fault alone, then takes over.
+
+All filters run all the time, so that the one that is let in has seen the fault from its first moment; which of them
 reaches the controller is faded over, never switched.
 """
 
@@ -17,18 +20,18 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class CompensatorDesign:
-    """Sampled Q_act and Q_sen side by side: one block-diagonal filter from f_e to both q's.
+    """Sampled guard, Q_act and Q_sen side by side: one block-diagonal filter from f_e to the three q's.
 
     Attributes
     ----------
     a : ndarray, shape (n, n)
     b : ndarray, shape (n, 3)
         Input f_e [Pa, K, K].
-    c : ndarray, shape (4, n)
-        Rows 0-1: q of Q_act, rows 2-3: q of Q_sen [rad/s, 0..1].
-    d : ndarray, shape (4, 3)
+    c : ndarray, shape (6, n)
+        Rows 0-1: q of the guard, rows 2-3: of Q_act, rows 4-5: of Q_sen [rad/s, 0..1].
+    d : ndarray, shape (6, 3)
     fade_time_s : float
-        Time over which a filter is faded in or out.
+        Time over which one filter takes over from another.
     sample_time_s : float
     """
 
@@ -60,7 +63,7 @@ class Compensator:
         self.design = design
         self.accommodate = accommodate
         self._state = np.zeros(len(design.a))
-        self._share = np.zeros(2)
+        self._share = np.array([1.0, 0.0, 0.0])
         self._rate = min(1.0, design.sample_time_s / design.fade_time_s)
 
     def step(self, innovation: Vector, isolated: str | None) -> Vector:
@@ -76,13 +79,17 @@ class Compensator:
         Returns
         -------
         ndarray, shape (2,)
-            q [rad/s, 0..1]; zero as long as no fault has been isolated.
+            q [rad/s, 0..1].
         """
         design = self.design
-        both = design.c @ self._state + design.d @ innovation
+        signals = design.c @ self._state + design.d @ innovation
         self._state = design.a @ self._state + design.b @ innovation
-        for i, fault in enumerate(FAULTS):
-            wanted = 1.0 if self.accommodate and isolated == fault else 0.0
-            self._share[i] += min(max(wanted - self._share[i], -self._rate), self._rate)
-        q: Vector = self._share[0] * both[:2] + self._share[1] * both[2:]
+        if not self.accommodate:
+            return np.zeros(2)
+        chosen = 0 if isolated is None else 1 + FAULTS.index(isolated)
+        self._share -= self._rate
+        self._share[chosen] += 2.0 * self._rate
+        np.clip(self._share, 0.0, 1.0, out=self._share)
+        self._share /= self._share.sum()
+        q: Vector = self._share @ signals.reshape(3, 2)
         return q

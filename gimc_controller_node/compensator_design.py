@@ -1,4 +1,4 @@
-"""Q_act and Q_sen by H-infinity model matching.
+"""Q_act, Q_sen and a Q for both faults by H-infinity model matching.
 
 With `f_e = -(N~d d + N~f f)` and the closed loop of plant and K0, both problems have the form `min || T1 - T2 Q T3 ||`
 over stable Q. Q_act keeps the outputs unmoved by a fault of the compressor's speed (the paper's first problem):
@@ -9,6 +9,9 @@ Q_sen keeps the command, and with it the actual outputs, unmoved by a fault of t
 
     min || [alpha_d So Pdy, 0; 0, -alpha_f W Si K Pfy_sen]
            + [-alpha_d So Puy V~^-1; -alpha_f W Si V~^-1] Q [N~d N~f_sen] ||
+
+With both faults there is one thing to ask for: that the actual outputs stay where they are. Since the pressure that is
+read is the actual one plus f_p, that is the first problem for y less the fault in the reading.
 """
 
 import time
@@ -21,8 +24,20 @@ from fdi_node.cache import Arrays
 from fdi_node.design_cache import cached_design
 from fdi_node.design_model import COMMAND_UNIT, OUTPUT_UNIT, design_model, to_si
 from fdi_node.design_report import BlockReport
+from fdi_node.synthesis import RANK_NOISE, innovation_factors
 from fdi_node.weights import FdiWeights
-from gimc.interconnect import Abcd, add, append, block_diagonal, lft, scale, series, stack_outputs, state_space
+from gimc.interconnect import (
+    Abcd,
+    add,
+    append,
+    block_diagonal,
+    lft,
+    scale,
+    series,
+    stack_inputs,
+    stack_outputs,
+    state_space,
+)
 from gimc.model_matching import Matching, model_matching, regularise
 from gimc.norms import hinf_norm, poles
 from gimc.reduction import reduce_order
@@ -31,6 +46,9 @@ from gimc.structure import FaultySystem, closed_loop
 from gimc_controller_node.weights import CompensatorWeights, ControllerWeights, MatchingWeights
 
 Matrix = NDArray[np.float64]
+
+FAULTS_OF = {"Q_both": [0, 1], "Q_act": [0], "Q_sen": [1]}
+"""The faults, as columns of the design model, that each compensator is for."""
 
 
 def low_frequency_weight(weights: MatchingWeights, size: int) -> Abcd:
@@ -47,51 +65,65 @@ def washout(weights: MatchingWeights, size: int) -> Abcd:
     return Abcd(-weights.washout_rad_s * eye, eye, -weights.washout_rad_s * eye, eye)
 
 
-def innovation(system: FaultySystem, L: Matrix) -> Abcd:
-    """`-[N~d N~f]`: from [d, f] to f_e."""
-    into = np.hstack([system.E1 + L @ system.E2, system.F1 + L @ system.F2])
-    return Abcd(system.A + L @ system.C, into, -system.C, -np.hstack([system.E2, system.F2]))
-
-
-def actuator_objective(loop: control.StateSpace, weights: MatchingWeights) -> Abcd:
-    """From [d, f_N, q] to the weighted outputs `W [p_e, SH]`; `loop` as `gimc.structure.closed_loop` returns it."""
-    outputs = scale(loop[2:4, 2:], right=[weights.disturbance, weights.fault, 1.0, 1.0])
-    return series(low_frequency_weight(weights, 2), outputs)
-
-
-def sensor_objective(loop: control.StateSpace, sensor: Matrix, weights: MatchingWeights) -> Abcd:
-    """From [d, f_p, q] to `alpha_d [p_e, SH]` (the actual values) and `alpha_f W u`.
-
-    A disturbance has to move u: only what the fault and q do to u counts, which takes a second copy of the loop.
+def output_objective(loop: control.StateSpace, readings: Matrix, weights: MatchingWeights) -> Abcd:
+    """From [d, n, f, q] to the actual `W [p_e, SH]`.
 
     Parameters
     ----------
     loop : StateSpace
         As `gimc.structure.closed_loop` returns it.
-    sensor : ndarray, shape (2, 1)
-        What the fault adds to the readings of p_e and SH: taken off again to have the actual values.
+    readings : ndarray, shape (2, nf)
+        What the faults add to the readings of p_e and SH: taken off again to have the actual values.
     """
-    fault_reading = np.hstack([np.zeros((2, 1)), sensor, np.zeros((2, 2))])
-    actual = add(loop[2:4, 2:], -fault_reading)
-    commands = series(low_frequency_weight(weights, 2), scale(loop[:2, 2:], right=[0.0, 1.0, 1.0, 1.0]))
-    return stack_outputs(
-        scale(actual, left=weights.disturbance * np.eye(2)), scale(commands, left=weights.fault * np.eye(2))
-    )
+    return series(low_frequency_weight(weights, 2), _with_noise(actual_outputs(loop, readings), weights))
 
 
-def matching_problem(objective: Abcd, innovations: Abcd, weights: MatchingWeights) -> Abcd:
-    """Generalised plant of one compensator: from [d, f, q^] to [objective, f_e], with `q = s / (s + washout) q^`."""
-    columns, nw = objective.D.shape[1], innovations.D.shape[1]
+def sensor_objective(loop: control.StateSpace, readings: Matrix, weights: MatchingWeights) -> Abcd:
+    """From [d, n, f_p, q] to the actual `alpha_d [p_e, SH]` and to `W u`.
+
+    A disturbance has to move u: only what the fault and q do to u counts, which takes a second copy of the loop.
+    """
+    actual = _with_noise(actual_outputs(loop, readings), weights)
+    without_d = scale(loop[:2, 2:], right=[0.0, 1.0, 1.0, 1.0])
+    commands = series(low_frequency_weight(weights, 2), _with_noise(without_d, weights))
+    return stack_outputs(scale(actual, left=weights.disturbance * np.eye(2)), commands)
+
+
+def actual_outputs(loop: control.StateSpace, readings: Matrix) -> Abcd:
+    """From [d, f, q] to p_e and SH as they are, not as they are read."""
+    return add(loop[2:4, 2:], -np.hstack([np.zeros((2, 1)), readings, np.zeros((2, 2))]))
+
+
+def _with_noise(system: Abcd, weights: MatchingWeights) -> Abcd:
+    """From inputs [d, f, q] to [d, n, f, q], d and f scaled; the noise is there for f_e alone."""
+    nf, p = system.D.shape[1] - 3, len(weights.noise.level)
+    route = np.zeros((3 + nf, 3 + nf + p))
+    route[0, 0] = weights.disturbance
+    route[1 : 1 + nf, 1 + p : 1 + p + nf] = weights.fault * np.eye(nf)
+    route[1 + nf :, 1 + p + nf :] = np.eye(2)
+    return scale(system, right=route)
+
+
+def innovations(system: FaultySystem, L: Matrix, weights: MatchingWeights) -> Abcd:
+    """From [d, n, f] to f_e, d and f scaled by alpha_d and alpha_f."""
+    disturbances, faults = innovation_factors(system, L, weights.noise)
+    sizes = [weights.disturbance, *(1.0 for _ in weights.noise.level), *(weights.fault for _ in range(faults.ninputs))]
+    return scale(stack_inputs(disturbances, faults), left=-np.eye(len(system.C)), right=sizes)
+
+
+def matching_problem(objective: Abcd, innovation: Abcd, weights: MatchingWeights) -> Abcd:
+    """Generalised plant of one compensator: from [d, n, f, q^] to [objective, f_e], with `q = s / (s + washout) q^`."""
+    columns, nw = objective.D.shape[1], innovation.D.shape[1]
     shared = np.zeros((columns + nw, columns))
     shared[:columns], shared[columns:, :nw] = np.eye(columns), np.eye(nw)
-    problem = scale(append(objective, innovations), right=shared)
+    problem = scale(append(objective, innovation), right=shared)
     return series(problem, append(np.eye(nw), washout(weights, columns - nw)))
 
 
 def solve(
-    system: FaultySystem, L: Matrix, K: control.StateSpace, Lk: Matrix, fault: int, weights: MatchingWeights
+    system: FaultySystem, L: Matrix, K: control.StateSpace, Lk: Matrix, block: str, weights: MatchingWeights
 ) -> tuple[Matching, Abcd]:
-    """Solve the problem of Q_act (fault 0) or Q_sen (fault 1) in design units.
+    """Solve the problem of "Q_both", "Q_act" or "Q_sen" in design units.
 
     Returns
     -------
@@ -100,32 +132,33 @@ def solve(
     problem : Abcd
         The generalised plant of the free filter, regularised.
     """
-    faulty = system.with_faults([fault])
-    loop = closed_loop(faulty, K, Lk)
-    objective = sensor_objective(loop, faulty.F2[:2], weights) if fault else actuator_objective(loop, weights)
-    problem = matching_problem(objective, innovation(faulty, L), weights)
-    matching = model_matching(problem, len(system.C), 2, rho=weights.penalty, eps=weights.noise)
-    return matching, regularise(problem, len(system.C), 2, rho=weights.penalty, eps=weights.noise)
+    faulty = system.with_faults(FAULTS_OF[block])
+    loop, readings = closed_loop(faulty, K, Lk), faulty.F2[:2]
+    objective = sensor_objective if block == "Q_sen" else output_objective
+    problem = matching_problem(objective(loop, readings, weights), innovations(faulty, L, weights), weights)
+    matching = model_matching(problem, len(system.C), 2, rho=weights.penalty, eps=RANK_NOISE)
+    return matching, regularise(problem, len(system.C), 2, rho=weights.penalty, eps=RANK_NOISE)
 
 
 def synthesise(
     point: str, sample_time_s: float, weights: CompensatorWeights, controller: ControllerWeights, fdi: FdiWeights
 ) -> Arrays:
-    """Everything the compensator needs at one operating point, and the reports of both designs.
+    """Everything the compensator needs at one operating point, and the reports of its designs.
 
     Returns
     -------
     dict of str to ndarray
-        The fields of `gimc_controller_node.compensator.CompensatorDesign`; `report_act`, `report_sen`.
+        The fields of `gimc_controller_node.compensator.CompensatorDesign`; `report_Q_both`, `report_Q_act`,
+        `report_Q_sen`.
     """
     model = design_model(point)
     L = cached_design("fdi", "fdi_node.synthesis", point, sample_time_s, fdi)["L"]
     k0 = cached_design("controller", "gimc_controller_node.controller_design", point, sample_time_s, controller)
     K, Lk = state_space([k0[name] for name in ("K_a", "K_b", "K_c", "K_d")]), k0["Lk"]
     filters, reports = [], []
-    for fault, (block, chosen) in enumerate((("Q_act", weights.actuator), ("Q_sen", weights.sensor))):
+    for block, chosen in (("Q_both", weights.guard), ("Q_act", weights.actuator), ("Q_sen", weights.sensor)):
         started = time.perf_counter()
-        matching, problem = solve(model.system, L, K, Lk, fault, chosen)
+        matching, problem = solve(model.system, L, K, Lk, block, chosen)
         reduced = reduce_order(matching.filter, rtol=chosen.reduction)
         Q = state_space(series(washout(chosen, 2), reduced.system))
         filters.append(discretise(to_si(Q, OUTPUT_UNIT, COMMAND_UNIT), sample_time_s))
@@ -139,19 +172,17 @@ def synthesise(
                 lower_bound=matching.lower_bound,
                 order=matching.filter.nstates,
                 order_reduced=reduced.order,
-                regularisation=f"rho {chosen.penalty:g}, eps {chosen.noise:g}",
+                regularisation=f"rho {chosen.penalty:g}, {chosen.noise}",
                 slowest_pole_rad_s=float(poles(Q).real.max()),
                 seconds=time.perf_counter() - started,
             )
         )
-    act, sen = filters
     return {
-        "a": block_diagonal(act.A, sen.A),
-        "b": np.vstack([act.B, sen.B]),
-        "c": block_diagonal(act.C, sen.C),
-        "d": np.vstack([act.D, sen.D]),
+        "a": block_diagonal(*(q.A for q in filters)),
+        "b": np.vstack([q.B for q in filters]),
+        "c": block_diagonal(*(q.C for q in filters)),
+        "d": np.vstack([q.D for q in filters]),
         "fade_time_s": np.array(weights.fade_time_s),
         "sample_time_s": np.array(sample_time_s),
-        "report_act": reports[0].to_array(),
-        "report_sen": reports[1].to_array(),
+        **{f"report_{report.block}": report.to_array() for report in reports},
     }

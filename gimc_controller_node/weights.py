@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from fdi_node.weights import MeasurementNoise
+
 
 @dataclass(frozen=True)
 class ControllerWeights:
@@ -29,15 +31,18 @@ class ControllerWeights:
         What the order reduction may change K0 by, in design units.
     """
 
-    bandwidth_rad_s: tuple[float, float] = (1.5, 0.2)
+    bandwidth_rad_s: tuple[float, float] = (0.3, 0.1)
     peak: tuple[float, float] = (2.0, 2.0)
     integrator_rad_s: float = 1e-4
-    command: tuple[float, float] = (0.01, 0.05)
+    command: tuple[float, float] = (0.05, 0.1)
     output: tuple[float, float] = (0.1, 0.1)
     noise: float = 1e-4
     disturbance: float = 0.5
     factor_speed: float = 10.0
     reduction: float = 1e-3
+
+
+COMPENSATOR_NOISE = MeasurementNoise((0.1, 0.1, 0.05))
 
 
 @dataclass(frozen=True)
@@ -52,7 +57,7 @@ class MatchingWeights:
         The weight `W = (s + corner) / (s + integrator)` on what must be exact at rest.
     penalty : float
         Regularisation rho on q.
-    noise : float
+    noise : MeasurementNoise
         Regularisation eps on the measurements.
     washout_rad_s : float
         Q ends in `s / (s + washout)`: nothing of q is left at rest, and K0's integral action stays whole;
@@ -61,45 +66,31 @@ class MatchingWeights:
         Hankel singular values below this part of the largest are left out of Q.
     """
 
-    disturbance: float
-    fault: float
-    corner_rad_s: float
-    integrator_rad_s: float
-    penalty: float
-    noise: float
-    washout_rad_s: float
-    reduction: float
+    disturbance: float = 0.1
+    fault: float = 1.0
+    corner_rad_s: float = 0.05
+    integrator_rad_s: float = 1e-3
+    penalty: float = 0.5
+    noise: MeasurementNoise = COMPENSATOR_NOISE
+    washout_rad_s: float = 0.0
+    reduction: float = 1e-3
 
 
 @dataclass(frozen=True)
 class CompensatorWeights:
-    """Weights of Q_act and Q_sen.
+    """Weights of the three compensators.
 
     Attributes
     ----------
+    guard : MatchingWeights
+        Of Q for both faults at once, which acts as long as no fault is isolated.
     actuator, sensor : MatchingWeights
+        Of Q_act and Q_sen.
     fade_time_s : float
-        Time over which a compensator is let in or out after isolation.
+        Time over which one compensator takes over from another.
     """
 
-    actuator: MatchingWeights = MatchingWeights(
-        disturbance=0.1,
-        fault=1.0,
-        corner_rad_s=0.02,
-        integrator_rad_s=1e-3,
-        penalty=0.02,
-        noise=0.01,
-        washout_rad_s=0.003,
-        reduction=1e-4,
-    )
-    sensor: MatchingWeights = MatchingWeights(
-        disturbance=0.1,
-        fault=1.0,
-        corner_rad_s=0.02,
-        integrator_rad_s=1e-4,
-        penalty=0.02,
-        noise=0.01,
-        washout_rad_s=0.0,
-        reduction=1e-4,
-    )
-    fade_time_s: float = 1.0
+    guard: MatchingWeights = MatchingWeights(reduction=2e-4)
+    actuator: MatchingWeights = MatchingWeights(washout_rad_s=0.003, reduction=1e-5)
+    sensor: MatchingWeights = MatchingWeights()
+    fade_time_s: float = 5.0

@@ -9,9 +9,9 @@ from ac_plant_node import linearize
 from bringup.design import all_blocks
 from bringup.units import KPA, RPM
 from fdi_node import FdiWeights, design
+from fdi_node.cache import Arrays
 from fdi_node.design_cache import cached_design
 from fdi_node.design_model import FAULT_UNIT, OUTPUT_UNIT, design_model
-from fdi_node.cache import Arrays
 from gimc.structure import closed_loop, disturbance_factor, fault_factor
 from gimc_controller_node import ControllerWeights, design_compensator
 
@@ -31,7 +31,7 @@ def response(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray, z: comp
 
 def test_every_norm_is_what_was_claimed() -> None:
     reports = all_blocks(POINT, SAMPLE_TIME_S)
-    assert [report.block for report in reports] == ["K0", "H", "Q_act", "Q_sen"]
+    assert [report.block for report in reports] == ["K0", "H", "Q_both", "Q_act", "Q_sen"]
     for report in reports:
         assert report.achieved <= report.claimed * 1.001, report
         assert report.achieved >= report.lower_bound * 0.999, report
@@ -114,7 +114,7 @@ def test_the_compensators_do_their_work_on_the_linear_loop() -> None:
     L = cached_design("fdi", "fdi_node.synthesis", POINT, SAMPLE_TIME_S, FdiWeights())["L"]
     q = design_compensator(POINT, SAMPLE_TIME_S)
     unit_q = np.array([100.0 * RPM, 0.05])
-    for fault in (0, 1):
+    for fault in (0, 1):  # fault 0 by Q_act, fault 1 by Q_sen: rows 2-3 and 4-5 of the compensator
         system = model.system.with_faults([fault])
         loop = closed_loop(system, K, a["Lk"])
         observer = control.ss(system.A + L @ system.C, system.F1 + L @ system.F2, -system.C, -system.F2)
@@ -136,7 +136,7 @@ def step_responses(
         for k in range(6000):
             innovation = (sampled_observer.C @ xi + sampled_observer.D[:, 0]) * OUTPUT_UNIT
             both = q.c @ eta + q.d @ innovation
-            signal = share * both[2 * fault : 2 * fault + 2] / unit_q
+            signal = share * both[2 * fault + 2 : 2 * fault + 4] / unit_q
             inputs = np.concatenate([[0.0, 0.0, 0.0, 1.0], signal])
             history[k] = sampled_loop.C @ x + sampled_loop.D @ inputs
             eta = q.a @ eta + q.b @ innovation

@@ -51,26 +51,29 @@ def test_q_enters_before_the_inverse_of_v() -> None:
 
 
 def compensator(accommodate: bool = True) -> Compensator:
-    gains = np.zeros((4, 3))
-    gains[0, 0], gains[3, 0] = 1.0, 2.0
-    design = CompensatorDesign(np.zeros((1, 1)), np.zeros((1, 3)), np.zeros((4, 1)), gains, 1.0, 0.1)
+    gains = np.zeros((6, 3))
+    gains[0, 0], gains[2, 0], gains[5, 0] = 4.0, 1.0, 2.0  # guard, Q_act, Q_sen
+    design = CompensatorDesign(np.zeros((1, 1)), np.zeros((1, 3)), np.zeros((6, 1)), gains, 1.0, 0.1)
     return Compensator(design, accommodate)
 
 
-def test_q_is_zero_until_a_fault_is_isolated() -> None:
+def test_the_guard_acts_until_a_fault_is_isolated() -> None:
     subject = compensator()
-    assert all(np.array_equal(subject.step(np.ones(3), None), np.zeros(2)) for _ in range(20))
+    assert all(subject.step(np.ones(3), None) == pytest.approx([4.0, 0.0]) for _ in range(20))
+    assert subject.step(np.zeros(3), None) == pytest.approx([0.0, 0.0])
 
 
-def test_the_isolated_fault_s_filter_is_faded_in_and_out() -> None:
+def test_the_isolated_fault_s_filter_takes_over_in_a_straight_fade() -> None:
     subject = compensator()
-    rising = [subject.step(np.ones(3), "compressor_speed") for _ in range(20)]
-    assert rising[0] == pytest.approx([0.1, 0.0])
-    assert rising[-1] == pytest.approx([1.0, 0.0])
+    subject.step(np.ones(3), None)
+    over = [subject.step(np.ones(3), "compressor_speed") for _ in range(20)]
+    assert over[0] == pytest.approx([0.9 * 4.0 + 0.1, 0.0])
+    assert over[-1] == pytest.approx([1.0, 0.0])
     changed = [subject.step(np.ones(3), "evaporator_pressure") for _ in range(20)]
     assert changed[4] == pytest.approx([0.5, 1.0])
     assert changed[-1] == pytest.approx([0.0, 2.0])
-    assert [subject.step(np.ones(3), None) for _ in range(20)][-1] == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert [subject.step(np.ones(3), None) for _ in range(20)][-1] == pytest.approx([4.0, 0.0])
+    assert max(np.abs(np.diff([q[0] for q in over]))) < 0.31  # never a jump
 
 
 def test_passive_means_no_q() -> None:

@@ -8,7 +8,7 @@ import pytest
 from fdi_node.detector import FAULTS, Detection, FaultDetector, FdiDesign, Supervision
 
 
-def detector(jump_threshold: float = math.inf, **rules: float) -> FaultDetector:
+def detector(**rules: float) -> FaultDetector:
     """Detector without dynamics: the residuals are minus the first two measurements, the thresholds one."""
     design = FdiDesign(
         a=np.zeros((1, 1)),
@@ -21,7 +21,6 @@ def detector(jump_threshold: float = math.inf, **rules: float) -> FaultDetector:
         input_rest=np.zeros(3),
         output_rest=np.zeros(3),
         thresholds=np.ones(2),
-        jump_threshold=jump_threshold,
         sample_time_s=0.1,
         supervision=Supervision(**rules),
     )
@@ -81,15 +80,3 @@ def test_the_isolation_stays_while_its_residual_does() -> None:
     subject = detector()
     feed(subject, [(3.0, 0.0)] * 50)
     assert feed(subject, [(3.0, 5.0)] * 100, start_s=5.0)[-1].isolated == FAULTS[0]
-
-
-def test_a_jump_that_stays_is_the_pressure_sensor_at_once() -> None:
-    seen = feed(detector(jump_threshold=2.0), [(0.0, 0.0)] * 5 + [(3.0, 0.0)] * 5)
-    assert seen[5].isolated is None
-    assert seen[6].isolated == "evaporator_pressure"
-    assert seen[6].onset_s == pytest.approx(0.5)
-
-
-def test_an_outlier_is_no_jump() -> None:
-    seen = feed(detector(jump_threshold=2.0), [(0.0, 0.0)] * 5 + [(3.0, 0.0)] + [(0.0, 0.0)] * 20)
-    assert not any(d.detected for d in seen)
