@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import fields
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -14,13 +15,13 @@ from bringup.topics import COMPENSATOR, CONTROLLER, FDI
 ATTACHMENT = "design/{}.npz"
 
 
-def design_of(node: str, point: str, sample_time_s: float) -> Any:
-    """Design that a node uses at an operating point, from the cache or made now."""
+def design_of(node: str, point: str, sample_time_s: float, sensors: int = 3) -> Any:
+    """Design that a node uses at an operating point, from the cache or made now; `sensors` is the detector's."""
     import fdi_node
     import gimc_controller_node
 
-    makers: dict[str, Callable[[str, float], Any]] = {
-        FDI: fdi_node.design,
+    makers: dict[str, Callable[..., Any]] = {
+        FDI: partial(fdi_node.design, sensors=sensors),
         COMPENSATOR: gimc_controller_node.design_compensator,
         CONTROLLER: gimc_controller_node.design_controller,
     }

@@ -152,7 +152,7 @@ def node_parameters(scenario: Scenario, out_dir: Path, mode: Mode, passive: bool
             "noise_std": [float(std) for std in scenario.noise.std],
             "seed": scenario.noise.seed,
         },
-        FDI: design,
+        FDI: {**design, "sensors": scenario.sensors},
         COMPENSATOR: {**design, "accommodate": not passive},
         CONTROLLER: design,
         SCENARIO: {"scenario": json.dumps(content)},

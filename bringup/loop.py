@@ -37,13 +37,16 @@ class Designs:
     compensator: "CompensatorDesign"
 
 
-def designs_at(point: str, sample_time_s: float) -> Designs:
-    """Designs of an operating point, "low", "med" or "high", from the cache when they are there."""
+def designs_at(point: str, sample_time_s: float, sensors: int = 3) -> Designs:
+    """Designs of an operating point, "low", "med" or "high", from the cache when they are there.
+
+    `sensors` is 3, or 2 for a detector without the wall thermocouple.
+    """
     import fdi_node
     import gimc_controller_node
 
     return Designs(
-        fdi=fdi_node.design(point, sample_time_s),
+        fdi=fdi_node.design(point, sample_time_s, sensors=sensors),
         controller=gimc_controller_node.design_controller(point, sample_time_s),
         compensator=gimc_controller_node.design_compensator(point, sample_time_s),
     )
@@ -90,7 +93,7 @@ def simulate(
     plan = program(scenario, rest.inputs, rest.outputs)
     plant = Plant.at(point)
     injector = FaultInjector(scenario.noise.std, scenario.noise.seed)
-    designs = designs_at(point, sample_time_s) if designs is None else designs
+    designs = designs_at(point, sample_time_s, scenario.sensors) if designs is None else designs
     detector = FaultDetector(designs.fdi)
     compensator = Compensator(designs.compensator, accommodate=not passive)
     controller = Controller(designs.controller)

@@ -187,14 +187,14 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         """Value of a parameter."""
         return self.get_parameter(name).value
 
-    def design(self, kind: Any) -> Any:
+    def design(self, kind: Any, **options: Any) -> Any:
         """Design of class `kind` that the parameters ask for: a file's, or that of the operating point."""
         from bringup.designs import design_of, from_file
 
         sample_time_s = self.value("sample_time_s")
         if self.value("design_file"):
             return from_file(kind, self.value("design_file"), sample_time_s)
-        return design_of(self.get_name(), self.value("operating_point"), sample_time_s)
+        return design_of(self.get_name(), self.value("operating_point"), sample_time_s, **options)
 
     def on_tick(self, topics: Sequence[str], act: Callable[..., None]) -> None:
         """Call ``act(stamp_ns, values...)`` for each tick of which all of `topics` have arrived."""

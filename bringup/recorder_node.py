@@ -131,7 +131,7 @@ class RecorderNode(NodeShell):
         run = json.loads(self.value("run"))
         if "operating_point" in run:
             for node in DESIGNED:
-                design = design_of(node, run["operating_point"], run["sample_time_s"])
+                design = design_of(node, run["operating_point"], run["sample_time_s"], run["scenario"]["sensors"])
                 bag.attach(ATTACHMENT.format(node), to_bytes(design))
 
     def health_values(self) -> dict[str, Any]:

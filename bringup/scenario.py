@@ -156,6 +156,7 @@ class Scenario(_Part):
     duration_s: float = Field(gt=0.0, le=86400.0)
     sample_time_s: float = Field(default=DEFAULT_SAMPLE_TIME_S, ge=0.01, le=0.1)
     passive: bool = False
+    sensors: Literal[2, 3] = 3
     references: References = References()
     air: Air = Air()
     faults: list[Fault] = []

@@ -4,10 +4,13 @@ from fdi_node.design_cache import cached_design
 from fdi_node.detector import FAULTS, Detection, FaultDetector, FdiDesign, Supervision
 from fdi_node.weights import FdiWeights
 
+SYNTHESES = {2: ("fdi-two-sensors", "fdi_node.two_sensors"), 3: ("fdi", "fdi_node.synthesis")}
+"""For each number of sensors: name in the cache, and the module that designs."""
+
 __all__ = ["FAULTS", "Detection", "FaultDetector", "FdiDesign", "FdiWeights", "Supervision", "design"]
 
 
-def design(point: str, sample_time_s: float, weights: FdiWeights | None = None) -> FdiDesign:
+def design(point: str, sample_time_s: float, weights: FdiWeights | None = None, sensors: int = 3) -> FdiDesign:
     """Observer, isolation filter and thresholds at an operating point.
 
     Parameters
@@ -17,12 +20,15 @@ def design(point: str, sample_time_s: float, weights: FdiWeights | None = None) 
     sample_time_s : float
         0.01 to 0.1 s.
     weights : FdiWeights, optional
+    sensors : int
+        3: p_e, superheat and the wall thermocouple. 2: without the thermocouple (the paper's E2 and E3).
 
     Raises
     ------
     ValueError
-        For an unknown operating point or a sample time out of range.
+        For an unknown operating point, a sample time out of range, or another number of sensors.
     """
-    return FdiDesign.from_arrays(
-        cached_design("fdi", "fdi_node.synthesis", point, sample_time_s, weights or FdiWeights())
-    )
+    if sensors not in SYNTHESES:
+        raise ValueError(f"no isolation filter for {sensors} sensors; allowed: 2 or 3")
+    name, synthesis = SYNTHESES[sensors]
+    return FdiDesign.from_arrays(cached_design(name, synthesis, point, sample_time_s, weights or FdiWeights()))

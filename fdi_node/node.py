@@ -4,11 +4,12 @@ import sys
 
 import numpy as np
 
-from bringup.node_shell import DESIGN_FILE, OPERATING_POINT, SAMPLE_TIME, NodeShell, run_node
+from bringup.node_shell import DESIGN_FILE, OPERATING_POINT, SAMPLE_TIME, NodeShell, Parameter, run_node
 from bringup.recording import StatusRow
 from bringup.topics import FDI
 
-PARAMETERS = (OPERATING_POINT, SAMPLE_TIME, DESIGN_FILE)
+SENSORS = Parameter("sensors", 3, "3: p_e, superheat and wall thermocouple; 2: without the thermocouple", low=2, high=3)
+PARAMETERS = (OPERATING_POINT, SAMPLE_TIME, SENSORS, DESIGN_FILE)
 MEASURED = ("measured/evaporator_pressure", "measured/superheat", "measured/wall_temperature")
 
 
@@ -22,7 +23,7 @@ class FdiNode(NodeShell):
         """Load the design of the operating point."""
         from fdi_node import FaultDetector, FdiDesign
 
-        self._detector = FaultDetector(self.design(FdiDesign))
+        self._detector = FaultDetector(self.design(FdiDesign, sensors=self.value("sensors")))
         self._start_ns: int | None = None
         self._waits_for_command_of: int | None = None
         self._early: tuple[float, ...] | None = None

@@ -1,0 +1,107 @@
+"""The detector that the paper starts from (E2, E3): isolation with p_e and superheat, without the wall thermocouple.
+
+Two measurements suffice for two faults, so the filter is designed without a disturbance; an unknown air flow then goes
+straight into the residuals. `lower_bound` says why no other filter is better. The design has the shape of the usual
+one, with the wall temperature switched out, so the same detector runs it.
+"""
+
+from dataclasses import replace
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+
+from ac_plant_node import operating_point
+from fdi_node.cache import Arrays
+from fdi_node.design_model import (
+    AIR_TEMPERATURE_UNIT,
+    COMMAND_UNIT,
+    FAULT_UNIT,
+    OUTPUT_UNIT,
+    design_model,
+    to_si,
+)
+from fdi_node.thresholds import noise_thresholds, residual_covariances
+from fdi_node.weights import FdiWeights
+from gimc.coprime import filter_gain
+from gimc.model_matching import Matching, isolation_synthesis
+from gimc.reduction import reduce_order
+from gimc.sampled import discretise, sampled_observer
+from gimc.structure import FaultySystem, disturbance_factor, fault_factor
+
+SENSORS = 2
+#: Noise that regularises the design, in design units.
+EPS = 0.02
+#: Noise on commands and air flow in the observer's Riccati equation, over a measurement noise of one.
+PROCESS_NOISE = 0.3
+
+
+def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
+    """Everything the detector needs for two measurements at one operating point.
+
+    Parameters
+    ----------
+    point : str
+        "low", "med" or "high".
+    sample_time_s : float
+        0.01 to 0.1 s.
+    weights : FdiWeights
+        Of these: T's time constant, the sensors' noise, the rate of false alarms.
+
+    Returns
+    -------
+    dict of str to ndarray
+        The fields of `fdi_node.detector.FdiDesign`; `gamma`, the norm reached without a disturbance; `lower_bound`,
+        below which no filter gets once the air flow is unknown (a filter that gives nothing reaches 1).
+    """
+    model = design_model(point)
+    system = _two_outputs(model.system)
+    noisy = PROCESS_NOISE * np.hstack([system.B, system.E1])
+    noise = {"process": noisy @ noisy.T, "measurement": np.ones(SENSORS)}
+    known = np.hstack([system.B, model.B_air])
+    plant = control.ss(system.A, known, system.C, np.zeros((SENSORS, known.shape[1])))
+    L = filter_gain(plant, **noise)
+    matching = _match(system, L, weights, disturbed=False)
+    reduced = reduce_order(matching.filter, rtol=weights.reduction, keep_dc_gain=True).system
+    # f_e = -(N~d d + N~f f), as for the usual detector.
+    H = discretise(to_si(-reduced, OUTPUT_UNIT[:SENSORS], FAULT_UNIT), sample_time_s)
+
+    observer = sampled_observer(plant, sample_time_s, **noise)
+    A, C = observer.plant.A, observer.plant.C
+    a = A + observer.L @ C
+    b = np.hstack(
+        [
+            observer.plant.B / np.concatenate([COMMAND_UNIT, [AIR_TEMPERATURE_UNIT]]),
+            -observer.L / OUTPUT_UNIT[:SENSORS],
+            np.zeros((len(A), 1)),
+        ]
+    )
+    c = np.vstack([C * OUTPUT_UNIT[:SENSORS, None], np.zeros((1, len(A)))])
+    h = (H.A, np.hstack([H.B, np.zeros((len(H.A), 1))]), H.C, np.hstack([H.D, np.zeros((len(H.C), 1))]))
+    covariance, shifted = residual_covariances((a, b[:, 3:], c), h, np.array(weights.sensor_noise))
+    rest = operating_point(point)
+    return {
+        "a": a,
+        "b": b,
+        "c": c,
+        **dict(zip(("h_a", "h_b", "h_c", "h_d"), h, strict=True)),
+        "input_rest": np.array([*rest.inputs[:2], rest.inputs[3]]),
+        "output_rest": np.array(rest.outputs[:3]),
+        "thresholds": noise_thresholds(covariance, shifted, sample_time_s, weights.false_alarms_per_hour),
+        "sample_time_s": np.array(sample_time_s),
+        "gamma": np.array(matching.gamma),
+        "lower_bound": np.array(_match(system, L, weights, disturbed=True).plain_lower_bound),
+    }
+
+
+def _two_outputs(system: FaultySystem) -> FaultySystem:
+    rows = slice(SENSORS)
+    return replace(system, C=system.C[rows], D=system.D[rows], E2=system.E2[rows], F2=system.F2[rows])
+
+
+def _match(system: FaultySystem, L: NDArray[np.float64], weights: FdiWeights, *, disturbed: bool) -> Matching:
+    """Minimise `|| [0 T] - H [N~d N~f] ||`, the air flow unknown or absent."""
+    Nd, Nf = disturbance_factor(system, L), fault_factor(system, L)
+    eye = np.eye(Nf.ninputs)
+    T = control.ss(-eye / weights.target_time_s, eye / weights.target_time_s, eye, 0.0 * eye)
+    return isolation_synthesis(Nd if disturbed else 0.0 * Nd, Nf, T, EPS)
