@@ -163,7 +163,8 @@ def _axis(chart: Chart, which: str, start: float, stop: float) -> _Axis:
     if given is None:
         values = np.concatenate([curve.x if which == "x" else curve.y for curve in chart.curves])
         values = values[np.isfinite(values) & (values > 0.0 if log else True)]
-        given = (float(values.min()), float(values.max()))
+        margin = 0.0 if which == "x" or log else 0.06 * float(np.ptp(values))
+        given = (float(values.min()) - margin, float(values.max()) + margin)
     low, high = given
     if log:
         ticks = [10.0**power for power in range(math.ceil(math.log10(low)), math.floor(math.log10(high)) + 1)]

@@ -49,6 +49,12 @@ def at_most(quantity: str, unit: str, ours: float | None, limit: float) -> Findi
     return Finding(quantity, unit, None, ours, AGREES if fits else DIFFERS, f"at most {limit:g} {unit}")
 
 
+def at_least(quantity: str, unit: str, ours: float | None, limit: float) -> Finding:
+    """Judge against a limit that turns the paper's words ("very sensitive") into a number."""
+    fits = ours is not None and abs(ours) >= limit
+    return Finding(quantity, unit, None, ours, AGREES if fits else DIFFERS, f"at least {limit:g} {unit}")
+
+
 def toward(quantity: str, unit: str, ours: float | None, paper: float, ideal: float, allowed: float) -> Finding:
     """Judge where the paper itself misses the ideal: nearer to it is better, within `allowed` of the paper agrees."""
     verdict = DIFFERS

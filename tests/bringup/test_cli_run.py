@@ -19,7 +19,14 @@ from bringup.topics import SERIES
 
 pytestmark = pytest.mark.ros
 
-SHORT = ["--set", "duration_s=12", "--set", "faults.0.onset_s=4", "--set", "references={}"]
+SHORT = {
+    "actuator_fault": ["duration_s=12", "faults.0.onset_s=4", "references={}"],
+    "isolation_two_sensors": [
+        "duration_s=12",
+        "faults=[{kind: evaporator_pressure, size_kpa: 5, onset_s: 4}]",
+        "air={}",
+    ],
+}
 
 
 @pytest.fixture
@@ -46,9 +53,11 @@ def acftc(*arguments: str, environment: dict[str, str]) -> subprocess.Popen[str]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
 
 
-def test_a_run_leaves_bag_summary_and_report_and_agrees_with_the_simulation(tmp_path: Path, marked):
+@pytest.mark.parametrize("name", SHORT)
+def test_a_run_leaves_bag_summary_and_report_and_agrees_with_the_simulation(name: str, tmp_path: Path, marked):
     environment, _ = marked
-    run = acftc("run", "actuator_fault", "--out", str(tmp_path), "--json", *SHORT, environment=environment)
+    overrides = [word for change in SHORT[name] for word in ("--set", change)]
+    run = acftc("run", name, "--out", str(tmp_path), "--json", *overrides, environment=environment)
     out, err = run.communicate(timeout=120)
     assert run.returncode == 0, err
     summary = json.loads((tmp_path / "summary.json").read_text())
@@ -59,7 +68,7 @@ def test_a_run_leaves_bag_summary_and_report_and_agrees_with_the_simulation(tmp_
     assert (tmp_path / "bag" / "metadata.yaml").exists()
 
     recording = read_bag(tmp_path / "bag")
-    alone = simulate(load("actuator_fault", [item for item in SHORT if item != "--set"]))
+    alone = simulate(load(name, SHORT[name]))
     for key in SERIES:
         # The same functions in the same order: not even rounding differs.
         assert np.array_equal(recording.series[key], alone.series[key]), key

@@ -6,7 +6,19 @@ from pathlib import Path
 import pytest
 
 from bringup import reproduce as reproduction
-from bringup.verdicts import AGREES, BETTER, DIFFERS, LEFT_OUT, NOTED, Experiment, at_most, near, noted, toward
+from bringup.verdicts import (
+    AGREES,
+    BETTER,
+    DIFFERS,
+    LEFT_OUT,
+    NOTED,
+    Experiment,
+    at_least,
+    at_most,
+    near,
+    noted,
+    toward,
+)
 
 
 @pytest.mark.parametrize(
@@ -18,6 +30,8 @@ from bringup.verdicts import AGREES, BETTER, DIFFERS, LEFT_OUT, NOTED, Experimen
         (at_most("p", "kPa", -0.2, 0.3), AGREES),
         (at_most("p", "kPa", -0.4, 0.3), DIFFERS),
         (at_most("t", "s", None, 60), DIFFERS),
+        (at_least("r", "rpm", -50.0, 40), AGREES),
+        (at_least("r", "rpm", 30.0, 40), DIFFERS),
         (toward("N", "rpm", 10.5, 10, 0, 1), AGREES),
         (toward("N", "rpm", -0.4, 10, 0, 1), BETTER),
         (toward("N", "rpm", 12.0, 10, 0, 1), DIFFERS),
