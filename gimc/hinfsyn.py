@@ -377,15 +377,17 @@ def _bisect(standard: _Standard, rtol: float, gamma_max: float) -> tuple[_Level,
 
 
 def _first_feasible(standard: _Standard, lowest: float, gamma_max: float) -> _Level:
-    gamma = max(2.0 * lowest, 1.0)
-    while gamma <= gamma_max:
+    gamma = min(max(2.0 * lowest, 1.0), gamma_max)
+    while gamma > lowest:
         level = _solve_level(standard, gamma)
         if level is not None:
             return level
-        gamma *= 4.0
+        if gamma == gamma_max:
+            break
+        gamma = min(4.0 * gamma, gamma_max)
     raise InfeasibleError(
-        f"no stabilising controller found with a norm below gamma_max = {gamma_max:.3g}: the Riccati equations have no "
-        "stabilising solution at any level tried; weights of very different size or a zero near the axis do this"
+        f"no stabilising controller with a norm below gamma_max = {gamma_max:.3g} (D11 alone needs {lowest:.3g}); "
+        "allow a larger norm, or look for weights of very different size and zeros near the axis"
     )
 
 

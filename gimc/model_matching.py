@@ -47,6 +47,11 @@ class Matching:
     bound_frequency: float
     synthesis: HinfResult
 
+    @property
+    def suboptimality(self) -> float:
+        """How far `gamma` may be above the least norm of a *stable* filter: 0.01 is one per cent."""
+        return self.gamma / max(self.synthesis.lower_gamma, self.lower_bound, np.finfo(float).tiny) - 1.0
+
 
 def isolation_filter(Nd: Any, Nf: Any, T: Any, eps: ArrayLike, **options: Any) -> tuple[Any, float]:
     """Stable H with the smallest norm of `[0 T 0] - H [Nd Nf eps I]`: residuals `H (Nd d + Nf f)` that follow `T f`.

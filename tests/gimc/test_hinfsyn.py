@@ -276,6 +276,10 @@ def test_wrong_numbers(nmeas: int, ncon: int) -> None:
 def test_level_out_of_reach() -> None:
     with pytest.raises(gimc.InfeasibleError, match="gamma_max = 1"):
         hinfsyn(simple(), 1, 1, gamma_max=1.0)
+    P, nmeas, ncon = mit()  # optimum 0.9234: within reach of a gamma_max below one
+    assert hinfsyn(P, nmeas, ncon, gamma_max=0.95)[1] < 0.95
+    with pytest.raises(gimc.InfeasibleError, match=r"gamma_max = 0\.92"):
+        hinfsyn(P, nmeas, ncon, gamma_max=0.92)
 
 
 def test_sampled_plant_is_refused() -> None:
