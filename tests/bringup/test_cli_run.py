@@ -58,7 +58,7 @@ def test_a_run_leaves_bag_summary_and_report_and_agrees_with_the_simulation(name
     environment, _ = marked
     overrides = [word for change in SHORT[name] for word in ("--set", change)]
     run = acftc("run", name, "--out", str(tmp_path), "--json", *overrides, environment=environment)
-    out, err = run.communicate(timeout=120)
+    out, err = run.communicate(timeout=240)
     assert run.returncode == 0, err
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert json.loads(out) == summary
@@ -88,7 +88,7 @@ def test_a_run_that_is_stopped_says_so_in_one_line_and_leaves_a_readable_bag(tmp
         with pytest.raises(subprocess.TimeoutExpired):  # it is still running
             run.wait(timeout=0.1)
     run.send_signal(number)
-    out, err = run.communicate(timeout=60)
+    out, err = run.communicate(timeout=120)
     assert run.returncode == 130, err
     assert err.count("\n") == 1
     assert "interrupted" in err
@@ -101,6 +101,6 @@ def test_a_run_that_is_stopped_says_so_in_one_line_and_leaves_a_readable_bag(tmp
 
     # A report can be had of what is there.
     report = acftc("report", str(tmp_path / "bag"), environment=environment)
-    _, err = report.communicate(timeout=120)
+    _, err = report.communicate(timeout=240)
     assert report.returncode == 0, err
     assert "cut short" in (tmp_path / "report.html").read_text()
