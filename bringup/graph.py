@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 import yaml
 
+from bringup.designs import DESIGNED
 from bringup.errors import BringupError, InterruptedRunError, RunError
 from bringup.processes import Child, Domain, ros_environment, start, stop
 from bringup.scenario import Scenario
@@ -145,6 +146,8 @@ def node_parameters(scenario: Scenario, out_dir: Path, mode: Mode, passive: bool
         "ticks": scenario.ticks,
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
     }
+    log = (out_dir / "log").resolve()
+    copies = {node: {"design_copy": str(log / f"{node}.npz")} for node in DESIGNED}
     return {
         PLANT: {**design, "mode": mode, "ticks": scenario.ticks},
         INJECTOR: {
@@ -152,12 +155,13 @@ def node_parameters(scenario: Scenario, out_dir: Path, mode: Mode, passive: bool
             "noise_std": [float(std) for std in scenario.noise.std],
             "seed": scenario.noise.seed,
         },
-        FDI: {**design, "sensors": scenario.sensors},
-        COMPENSATOR: {**design, "accommodate": not passive},
-        CONTROLLER: design,
+        FDI: {**design, **copies[FDI], "sensors": scenario.sensors},
+        COMPENSATOR: {**design, **copies[COMPENSATOR], "accommodate": not passive},
+        CONTROLLER: {**design, **copies[CONTROLLER]},
         SCENARIO: {"scenario": json.dumps(content)},
         RECORDER: {
             "folder": str((out_dir / "bag").resolve()),
+            "designs": str(log),
             "run": json.dumps(run),
             "ticks": scenario.ticks,
             "mode": mode,
@@ -186,7 +190,7 @@ def parameter_file(module: str) -> Path:
 def _prepare(out_dir: Path) -> None:
     """Make the folders; a bag and logs of an earlier run make room."""
     try:
-        for part, patterns in (("bag", ("*.mcap", "metadata.yaml")), ("log", ("*.log", "*.yaml"))):
+        for part, patterns in (("bag", ("*.mcap", "metadata.yaml")), ("log", ("*.log", "*.yaml", "*.npz"))):
             folder = out_dir / part
             folder.mkdir(parents=True, exist_ok=True)
             for pattern in patterns:

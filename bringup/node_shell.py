@@ -12,6 +12,7 @@ import time
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -95,6 +96,8 @@ SAMPLE_TIME = Parameter("sample_time_s", 0.1, "sample time of the loop, s", low=
 
 
 DESIGN_FILE = Parameter("design_file", "", "file with a design of your own (.npz); empty: that of the operating point")
+
+DESIGN_COPY = Parameter("design_copy", "", "where to leave a copy of the design in use; empty: nowhere")
 
 
 class Health:
@@ -189,12 +192,16 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
 
     def design(self, kind: Any, **options: Any) -> Any:
         """Design of class `kind` that the parameters ask for: a file's, or that of the operating point."""
-        from bringup.designs import design_of, from_file
+        from bringup.designs import design_of, from_file, to_bytes
 
         sample_time_s = self.value("sample_time_s")
         if self.value("design_file"):
-            return from_file(kind, self.value("design_file"), sample_time_s)
-        return design_of(self.get_name(), self.value("operating_point"), sample_time_s, **options)
+            design = from_file(kind, self.value("design_file"), sample_time_s)
+        else:
+            design = design_of(self.get_name(), self.value("operating_point"), sample_time_s, **options)
+        if self.value("design_copy"):
+            Path(self.value("design_copy")).write_bytes(to_bytes(design))
+        return design
 
     def on_tick(self, topics: Sequence[str], act: Callable[..., None]) -> None:
         """Call ``act(stamp_ns, values...)`` for each tick of which all of `topics` have arrived."""

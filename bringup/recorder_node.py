@@ -12,6 +12,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import deserialize_message
 
 from bringup.cdr import stamp_ns
+from bringup.designs import ATTACHMENT, DESIGNED
 from bringup.inputs import Subscriptions
 from bringup.node_shell import DEADLINE_S, DEPTH, LOOP_QOS, MODE, PLAIN_QOS, NodeShell, Parameter, run_node
 from bringup.recorder import BagWriter, RecordedTopic
@@ -29,6 +30,7 @@ PARAMETERS = (
     Parameter(
         "ticks", 0, "complete after this many messages of each loop topic; 0: when told to", low=0, high=2**31 - 1
     ),
+    Parameter("designs", "", "folder with copies of the designs in use, to be stored in the bag; empty: none"),
     MODE,
 )
 
@@ -126,13 +128,10 @@ class RecorderNode(NodeShell):
 
     def _attach_designs(self, bag: BagWriter) -> None:
         """Store the designs that were used: whoever replays the bag elsewhere must not depend on a synthesis there."""
-        from bringup.designs import ATTACHMENT, DESIGNED, design_of, to_bytes
-
-        run = json.loads(self.value("run"))
-        if "operating_point" in run:
-            for node in DESIGNED:
-                design = design_of(node, run["operating_point"], run["sample_time_s"], run["scenario"]["sensors"])
-                bag.attach(ATTACHMENT.format(node), to_bytes(design))
+        for node in DESIGNED:
+            file = Path(self.value("designs")) / f"{node}.npz"
+            if self.value("designs") and file.exists():
+                bag.attach(ATTACHMENT.format(node), file.read_bytes())
 
     def health_values(self) -> dict[str, Any]:
         """Whether the bag holds the whole run."""

@@ -9,7 +9,7 @@ from typing import Any
 
 from bringup.bag import RawBag, decode, read_raw
 from bringup.cdr import restamped, stamp_ns
-from bringup.designs import ATTACHMENT
+from bringup.designs import ATTACHMENT, DESIGNED
 from bringup.errors import BringupError, RunError
 from bringup.graph import MODULES, node_arguments, node_parameters
 from bringup.processes import Child, Domain, ros_environment, start, stop
@@ -108,7 +108,8 @@ def replay(
 def _parameters(raw: RawBag, node: str, folder: Path) -> dict[str, Any]:
     scenario = check(raw.run["scenario"])
     own = node_parameters(scenario, folder, "lockstep", bool(raw.run["passive"]))[node]
-    return {**own, "ticks": 0} if node == PLANT else own
+    changes: dict[str, Any] = {PLANT: {"ticks": 0}, **{key: {"design_copy": ""} for key in DESIGNED}}
+    return {**own, **changes.get(node, {})}
 
 
 def _design(raw: RawBag, node: str, folder: Path) -> dict[str, Any]:

@@ -4,12 +4,12 @@ import sys
 
 import numpy as np
 
-from bringup.node_shell import DESIGN_FILE, OPERATING_POINT, SAMPLE_TIME, NodeShell, Parameter, run_node
+from bringup.node_shell import DESIGN_COPY, DESIGN_FILE, OPERATING_POINT, SAMPLE_TIME, NodeShell, Parameter, run_node
 from bringup.recording import StatusRow
 from bringup.topics import FDI
 
 SENSORS = Parameter("sensors", 3, "3: p_e, superheat and wall thermocouple; 2: without the thermocouple", low=2, high=3)
-PARAMETERS = (OPERATING_POINT, SAMPLE_TIME, SENSORS, DESIGN_FILE)
+PARAMETERS = (OPERATING_POINT, SAMPLE_TIME, SENSORS, DESIGN_FILE, DESIGN_COPY)
 MEASURED = ("measured/evaporator_pressure", "measured/superheat", "measured/wall_temperature")
 
 

@@ -4,7 +4,7 @@ import sys
 
 import numpy as np
 
-from bringup.node_shell import DESIGN_FILE, OPERATING_POINT, SAMPLE_TIME, NodeShell, Parameter, run_node
+from bringup.node_shell import DESIGN_COPY, DESIGN_FILE, OPERATING_POINT, SAMPLE_TIME, NodeShell, Parameter, run_node
 from bringup.recording import StatusRow
 from bringup.topics import COMPENSATOR
 
@@ -12,6 +12,7 @@ PARAMETERS = (
     OPERATING_POINT,
     SAMPLE_TIME,
     DESIGN_FILE,
+    DESIGN_COPY,
     Parameter("accommodate", True, "false leaves K0 alone: q is 0 whatever is isolated"),
 )
 

@@ -4,10 +4,10 @@ import sys
 
 import numpy as np
 
-from bringup.node_shell import DESIGN_FILE, OPERATING_POINT, SAMPLE_TIME, NodeShell, run_node
+from bringup.node_shell import DESIGN_COPY, DESIGN_FILE, OPERATING_POINT, SAMPLE_TIME, NodeShell, run_node
 from bringup.topics import CONTROLLER
 
-PARAMETERS = (OPERATING_POINT, SAMPLE_TIME, DESIGN_FILE)
+PARAMETERS = (OPERATING_POINT, SAMPLE_TIME, DESIGN_FILE, DESIGN_COPY)
 
 
 class ControllerNode(NodeShell):

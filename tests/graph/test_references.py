@@ -1,0 +1,26 @@
+"""Every node still answers as in the reference bag, to the rounding of another processor.
+
+A difference is a change of behaviour. When it is wanted: ``python tests/graph/update_references.py``.
+"""
+
+import pytest
+from update_references import REFERENCE, SCENARIO
+
+from bringup.bag import read_bag
+from bringup.replay import REPLAYABLE, replay
+from bringup.scenario import load
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.mark.parametrize("node", REPLAYABLE)
+def test_node_behaves_as_in_the_reference(node: str) -> None:
+    result = replay(REFERENCE, node)
+    assert result.same, [f"{result.different} of {result.compared} messages differ", *result.differences]
+
+
+def test_reference_exercises_detection_and_accommodation() -> None:
+    recording = read_bag(REFERENCE)
+    assert recording.metadata["scenario"] == load(SCENARIO).model_dump(mode="json")
+    assert recording.status[-1].isolated == "compressor_speed"
+    assert abs(recording.series["compensator/q:compressor"][-1]) > 0.0
