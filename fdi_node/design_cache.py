@@ -43,7 +43,11 @@ def cached_design(block: str, synthesis: str, point: str, sample_time_s: float, 
     }
 
     def compute() -> Arrays:
-        arrays: Arrays = importlib.import_module(synthesis).synthesise(point, sample_time_s, *weights)
+        from threadpoolctl import threadpool_limits
+
+        module = importlib.import_module(synthesis)
+        with threadpool_limits(1):  # matrices of this size are ten times slower on several threads
+            arrays: Arrays = module.synthesise(point, sample_time_s, *weights)
         return arrays
 
     return cached(f"{block}-{point}", key, compute)
