@@ -91,6 +91,6 @@ class CompensatorWeights:
     """
 
     guard: MatchingWeights = MatchingWeights(reduction=2e-4)
-    actuator: MatchingWeights = MatchingWeights(washout_rad_s=0.003, reduction=1e-5)
+    actuator: MatchingWeights = MatchingWeights(washout_rad_s=0.003, reduction=2e-6)
     sensor: MatchingWeights = MatchingWeights()
     fade_time_s: float = 5.0
