@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from gimc.errors import SynthesisError, UnstableError
 from gimc.hinfsyn import HinfResult, hinf_synthesis
 from gimc.interconnect import Abcd, Matrix, Response, abcd, append, lft, stack_inputs, state_space
-from gimc.norms import frequency_response, hinf_norm, poles
+from gimc.norms import frequency_response, hinf_norm, poles, response_function
 
 
 @dataclass(frozen=True)
@@ -178,9 +178,10 @@ def matching_lower_bound(
     """
     plant = abcd(P)
     p1, m1 = plant.D.shape[0] - nmeas, plant.D.shape[1] - ncon
+    respond = response_function(plant)
 
     def bound(w: Matrix) -> Matrix:
-        G = frequency_response(plant, w)
+        G = respond(w)
         P11, P12, P21 = G[:, :p1, :m1], G[:, :p1, m1:], G[:, p1:, :m1]
         unreached = P11 - _range_projector(P12) @ P11
         unseen = P11 - P11 @ _range_projector(_adjoint(P21))

@@ -1,5 +1,7 @@
 """H-infinity norm by two independent routes: Hamiltonian eigenvalues, and an adaptive sweep over frequency."""
 
+from collections.abc import Callable
+
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
@@ -22,33 +24,45 @@ def is_stable(sys: object) -> bool:
 
 
 def frequency_response(sys: object, frequencies_rad_s: ArrayLike) -> Response:
-    """`G(j w)` at every frequency, shape (number of frequencies, p, m).
+    """`G(j w)` at every frequency, shape (number of frequencies, p, m). Infinite frequencies give D."""
+    return response_function(sys)(frequencies_rad_s)
+
+
+def response_function(sys: object) -> Callable[[ArrayLike], Response]:
+    """`frequency_response` of one system for many calls.
 
     Complex Schur form once, then back substitution for all frequencies at a time: unitary, hence accurate on stiff
-    systems where an eigenvector basis is not. Infinite frequencies give D.
+    systems where an eigenvector basis is not.
     """
     A, B, C, D = balance_states(abcd(sys))
-    w = np.atleast_1d(np.asarray(frequencies_rad_s, dtype=float))
     n = A.shape[0]
-    response = np.broadcast_to(D.astype(complex), (w.size, *D.shape)).copy()
-    finite = np.isfinite(w)
-    if n == 0 or not finite.any():
-        return response
-    T, U = scipy.linalg.schur(A, output="complex")
+    T, U = scipy.linalg.schur(A, output="complex") if n else (A, A)
     Bs, Cs = U.conj().T @ B, C @ U
-    wf = w[finite]
-    x = np.zeros((n, wf.size, B.shape[1]), dtype=complex)  # (jw - T) x = Bs
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for i in range(n - 1, -1, -1):
-            right = np.tensordot(T[i, i + 1 :], x[i + 1 :], axes=1) + Bs[i]
-            x[i] = right / (1j * wf - T[i, i])[:, None]
-    response[finite] += np.einsum("pn,nfm->fpm", Cs, x)
+
+    def response(frequencies_rad_s: ArrayLike) -> Response:
+        w = np.atleast_1d(np.asarray(frequencies_rad_s, dtype=float))
+        result = np.broadcast_to(D.astype(complex), (w.size, *D.shape)).copy()
+        finite = np.isfinite(w)
+        if n == 0 or not finite.any():
+            return result
+        wf = w[finite]
+        x = np.zeros((n, wf.size, B.shape[1]), dtype=complex)  # (jw - T) x = Bs
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for i in range(n - 1, -1, -1):
+                right = np.tensordot(T[i, i + 1 :], x[i + 1 :], axes=1) + Bs[i]
+                x[i] = right / (1j * wf - T[i, i])[:, None]
+        result[finite] += np.tensordot(Cs, x, axes=1).transpose(1, 0, 2)
+        return result
+
     return response
 
 
 def largest_singular_values(sys: object, frequencies_rad_s: ArrayLike) -> Matrix:
     """Largest singular value of `G(j w)` at every frequency (infinite on a pole)."""
-    response = frequency_response(sys, frequencies_rad_s)
+    return _largest_singular_values(frequency_response(sys, frequencies_rad_s))
+
+
+def _largest_singular_values(response: Response) -> Matrix:
     if 0 in response.shape[1:]:
         return np.zeros(response.shape[0])
     finite = np.isfinite(response).all(axis=(1, 2))
@@ -84,12 +98,13 @@ def hinf_norm(sys: object, *, rtol: float = 1e-6) -> tuple[float, float]:
     """
     system = balance_states(abcd(sys))
     eigenvalues = _stable_poles(system)
+    respond = response_function(system)
     frequencies = _first_frequencies(eigenvalues)
-    values = largest_singular_values(system, frequencies)
+    values = _largest_singular_values(respond(frequencies))
     best = int(np.argmax(values))
     norm, frequency = float(values[best]), float(frequencies[best])
     if norm == 0.0:
-        values = largest_singular_values(system, np.geomspace(1e-8, 1e8, 400))
+        values = _largest_singular_values(respond(np.geomspace(1e-8, 1e8, 400)))
         if not values.any():
             return 0.0, 0.0
         norm = float(values.max())
@@ -97,7 +112,7 @@ def hinf_norm(sys: object, *, rtol: float = 1e-6) -> tuple[float, float]:
         candidates = _crossings(system, norm * (1.0 + 2.0 * rtol))
         if candidates.size == 0:
             break
-        values = largest_singular_values(system, candidates)
+        values = _largest_singular_values(respond(candidates))
         best = int(np.argmax(values))
         if values[best] <= norm * (1.0 + 2.0 * rtol):
             if values[best] > norm:
@@ -126,13 +141,14 @@ def sweep_norm(sys: object, *, points_per_decade: int = 30, rounds: int = 12) ->
         [-1.0, -0.3, 0.0, 0.3, 1.0]
     )
     grid = np.unique(np.concatenate([grid, moduli, around[around > 0].ravel()]))
-    values = largest_singular_values(system, grid)
+    respond = response_function(system)
+    values = _largest_singular_values(respond(grid))
     ends = np.array([0.0, np.inf])
-    end_values = largest_singular_values(system, ends)
+    end_values = _largest_singular_values(respond(ends))
     best, where = float(end_values.max()), float(ends[np.argmax(end_values)])
     for peak in _promising_peaks(values):
         left, right = grid[max(peak - 1, 0)], grid[min(peak + 1, grid.size - 1)]
-        value, frequency = _refine_peak(system, float(left), float(right), rounds)
+        value, frequency = _refine_peak(respond, float(left), float(right), rounds)
         if value > best:
             best, where = value, frequency
     return best, where
@@ -145,11 +161,13 @@ def _promising_peaks(values: Matrix) -> NDArray[np.intp]:
     return np.flatnonzero(local & (values >= 0.7 * values.max()))[:50]
 
 
-def _refine_peak(system: Abcd, left: float, right: float, rounds: int) -> tuple[float, float]:
+def _refine_peak(
+    respond: Callable[[ArrayLike], Response], left: float, right: float, rounds: int
+) -> tuple[float, float]:
     value, frequency = 0.0, left
     for _ in range(rounds):
         inner = np.geomspace(left, right, 9)
-        values = largest_singular_values(system, inner)
+        values = _largest_singular_values(respond(inner))
         best = int(np.argmax(values))
         value, frequency = float(values[best]), float(inner[best])
         left, right = float(inner[max(best - 1, 0)]), float(inner[min(best + 1, 8)])
