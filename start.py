@@ -81,7 +81,11 @@ def make_environment() -> None:
     )
     pip = [uv, "pip", "install", "--quiet", "--python", str(VENV / "bin" / "python")]
     remedy = "see the lines above; a network or disk problem is the usual cause"
-    call([*pip, "--compile-bytecode", "--require-hashes", "-r", "requirements.txt"], "the pinned packages could not be installed", remedy)
+    call(
+        [*pip, "--compile-bytecode", "--require-hashes", "-r", "requirements.txt"],
+        "the pinned packages could not be installed",
+        remedy,
+    )
     call([*pip, "--no-deps", "--editable", "."], "acftc itself could not be installed", remedy)
     stamp.write_text(wanted())
 
