@@ -191,6 +191,7 @@ def _path(curve: Curve, x_axis: _Axis, y_axis: _Axis) -> str:
     x, y = x_axis.at(curve.x), y_axis.at(curve.y)
     if len(x) > 4 * WIDTH:
         x, y = _thinned(x, y)
+    x, y = _without_flat_runs(np.round(x, 1), np.round(y, 1))
     text, pen = [], "M"
     for px, py in zip(x.tolist(), y.tolist(), strict=True):
         if math.isnan(py):
@@ -200,6 +201,15 @@ def _path(curve: Curve, x_axis: _Axis, y_axis: _Axis) -> str:
         pen = "L"
     look = _stroke(curve.colour, curve.width, curve.dash)
     return f'<path d="{"".join(text)}" fill="none" clip-path="url(#frame)" {look}/>'
+
+
+def _without_flat_runs(
+    x: NDArray[np.float64], y: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Leave out points between two of the same height: at rest a curve is a line with two ends."""
+    flat = np.zeros(len(y), dtype=bool)
+    flat[1:-1] = (y[1:-1] == y[:-2]) & (y[1:-1] == y[2:])
+    return x[~flat], y[~flat]
 
 
 def _thinned(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

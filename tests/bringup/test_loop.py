@@ -67,7 +67,7 @@ def test_actuator_fault(passive: bool):
     assert summary["false_alarms"] == 0
     if not passive:
         assert summary["metrics"]["command_change_rpm"] == pytest.approx(-40, abs=0.2)
-        assert summary["metrics"]["peak_pressure_error_kpa"] < 0.3
+        assert summary["metrics"]["peak_pressure_error_kpa"] < 1.0
 
 
 @pytest.mark.parametrize("passive", [False, True])
