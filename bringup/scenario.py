@@ -49,31 +49,34 @@ class Change(_Part):
     ramp_s: float = Field(default=0.0, ge=0.0)
 
 
-def _targets_within(lowest: float, highest: float) -> AfterValidator:
-    """Limit the targets of a list of changes to [lowest, highest]."""
+@dataclass(frozen=True)
+class TargetsWithin:
+    """Limits the targets of a list of changes to [lowest, highest]."""
 
-    def check_targets(changes: list[Change]) -> list[Change]:
+    lowest: float
+    highest: float
+
+    def __call__(self, changes: list[Change]) -> list[Change]:
+        """Give `changes` back, or raise for the first target out of range."""
         for number, change in enumerate(changes):
-            if not lowest <= change.to <= highest:
-                msg = f"{number}.to: given {change.to:g}; allowed: {lowest:g} to {highest:g}"
+            if not self.lowest <= change.to <= self.highest:
+                msg = f"{number}.to: given {change.to:g}; allowed: {self.lowest:g} to {self.highest:g}"
                 raise ValueError(msg)
         return changes
-
-    return AfterValidator(check_targets)
 
 
 class References(_Part):
     """References of the controller, as changes from the operating point."""
 
-    evaporator_pressure_kpa: Annotated[list[Change], _targets_within(-100.0, 150.0)] = []
-    superheat_k: Annotated[list[Change], _targets_within(-18.0, 30.0)] = []
+    evaporator_pressure_kpa: Annotated[list[Change], AfterValidator(TargetsWithin(-100.0, 150.0))] = []
+    superheat_k: Annotated[list[Change], AfterValidator(TargetsWithin(-18.0, 30.0))] = []
 
 
 class Air(_Part):
     """Air side of the evaporator, as changes from the operating point."""
 
-    mass_flow_percent: Annotated[list[Change], _targets_within(-90.0, 300.0)] = []
-    inlet_temperature_k: Annotated[list[Change], _targets_within(-30.0, 30.0)] = []
+    mass_flow_percent: Annotated[list[Change], AfterValidator(TargetsWithin(-90.0, 300.0))] = []
+    inlet_temperature_k: Annotated[list[Change], AfterValidator(TargetsWithin(-30.0, 30.0))] = []
 
 
 class _Fault(_Part):

@@ -210,3 +210,9 @@ def test_yaml_numbers_with_an_exponent_are_numbers(tmp_path: Path):
     path = tmp_path / "s.yaml"
     path.write_text(yaml.safe_dump({"name": "s"}) + "duration_s: 1e2\n")
     assert load(path).duration_s == 100.0
+
+
+def test_the_reference_page_is_that_of_the_schema():
+    from bringup.scenario_reference import PAGE, text
+
+    assert PAGE.read_text(encoding="utf-8") == text(), "run: python -m bringup.scenario_reference"
