@@ -69,7 +69,7 @@ def make_environment() -> None:
         return
     if (platform.system(), platform.machine()) not in SYSTEMS:
         fail(
-            f"no ROS 2 wheels exist for {platform.system()} on {platform.machine()}, only for Linux on x86_64 and aarch64",
+            f"no ROS 2 wheels exist for {platform.system()} on {platform.machine()}, only for Linux (x86_64, aarch64)",
             "use such a machine or a container",
         )
     uv = find_uv()

@@ -28,7 +28,6 @@ from fdi_node.synthesis import RANK_NOISE, innovation_factors
 from fdi_node.weights import FdiWeights
 from gimc.interconnect import (
     Abcd,
-    abcd,
     add,
     append,
     block_diagonal,
@@ -40,16 +39,13 @@ from gimc.interconnect import (
     state_space,
 )
 from gimc.model_matching import Matching, model_matching, regularise
-from gimc.norms import hinf_norm, poles, sweep_norm
+from gimc.norms import hinf_norm, poles
 from gimc.reduction import reduce_order
 from gimc.sampled import discretise
 from gimc.structure import FaultySystem, closed_loop
 from gimc_controller_node.weights import CompensatorWeights, ControllerWeights, MatchingWeights
 
 Matrix = NDArray[np.float64]
-
-SLIMMING = 1e-5
-"""What order reduction of an objective may change, relative to its norm, before the synthesis."""
 
 FAULTS_OF = {"Q_both": [0, 1], "Q_act": [0], "Q_sen": [1]}
 """The faults, as columns of the design model, that each compensator is for."""
@@ -59,14 +55,6 @@ def low_frequency_weight(weights: MatchingWeights, size: int) -> Abcd:
     """`W = (s + corner) / (s + integrator)` on each of `size` signals."""
     eye = np.eye(size)
     return Abcd(-weights.integrator_rad_s * eye, eye, (weights.corner_rad_s - weights.integrator_rad_s) * eye, eye)
-
-
-def washout(weights: MatchingWeights, size: int) -> Abcd:
-    """`s / (s + washout)` on each of `size` signals; the identity when there is none."""
-    eye = np.eye(size)
-    if weights.washout_rad_s == 0.0:
-        return Abcd(np.zeros((0, 0)), np.zeros((0, size)), np.zeros((size, 0)), eye)
-    return Abcd(-weights.washout_rad_s * eye, eye, -weights.washout_rad_s * eye, eye)
 
 
 def output_objective(loop: control.StateSpace, readings: Matrix, weights: MatchingWeights) -> Abcd:
@@ -115,13 +103,12 @@ def innovations(system: FaultySystem, L: Matrix, weights: MatchingWeights) -> Ab
     return scale(stack_inputs(disturbances, faults), left=-np.eye(len(system.C)), right=sizes)
 
 
-def matching_problem(objective: Abcd, innovation: Abcd, weights: MatchingWeights) -> Abcd:
-    """Generalised plant of one compensator: from [d, n, f, q^] to [objective, f_e], with `q = s / (s + washout) q^`."""
+def matching_problem(objective: Abcd, innovation: Abcd) -> Abcd:
+    """Generalised plant of one compensator: from [d, n, f, q] to [objective, f_e]."""
     columns, nw = objective.D.shape[1], innovation.D.shape[1]
     shared = np.zeros((columns + nw, columns))
     shared[:columns], shared[columns:, :nw] = np.eye(columns), np.eye(nw)
-    problem = scale(append(objective, innovation), right=shared)
-    return series(problem, append(np.eye(nw), washout(weights, columns - nw)))
+    return scale(append(objective, innovation), right=shared)
 
 
 def solve(
@@ -132,18 +119,15 @@ def solve(
     Returns
     -------
     matching : Matching
-        The free filter, before the washout, and what its synthesis found.
+        The filter, and what its synthesis found.
     problem : Abcd
-        The generalised plant of the free filter, regularised.
+        The generalised plant, regularised.
     """
     faulty = system.with_faults(FAULTS_OF[block])
     loop, readings = closed_loop(faulty, K, Lk), faulty.F2[:2]
     objective = (sensor_objective if block == "Q_sen" else output_objective)(loop, readings, weights)
-    innovation = innovations(faulty, L, weights)
-    problem = matching_problem(objective, innovation, weights)
-    # States of the objective that hardly matter cost the synthesis time; what it finds is checked on the whole problem.
-    slim = matching_problem(abcd(reduce_order(objective, rtol=SLIMMING).system), innovation, weights)
-    matching = model_matching(slim, len(system.C), 2, rho=weights.penalty, eps=RANK_NOISE)
+    problem = matching_problem(objective, innovations(faulty, L, weights))
+    matching = model_matching(problem, len(system.C), 2, rho=weights.penalty, eps=RANK_NOISE)
     return matching, regularise(problem, len(system.C), 2, rho=weights.penalty, eps=RANK_NOISE)
 
 
@@ -167,20 +151,19 @@ def synthesise(
         started = time.perf_counter()
         matching, problem = solve(model.system, L, K, Lk, block, chosen)
         reduced = reduce_order(matching.filter, rtol=chosen.reduction)
-        Q = state_space(series(washout(chosen, 2), reduced.system))
-        filters.append(discretise(to_si(Q, OUTPUT_UNIT, COMMAND_UNIT), sample_time_s))
+        filters.append(discretise(to_si(reduced.system, OUTPUT_UNIT, COMMAND_UNIT), sample_time_s))
         reports.append(
             BlockReport(
                 block=block,
                 claimed=matching.synthesis.claimed_gamma,
-                achieved=sweep_norm(lft(problem, matching.filter, len(L.T), 2))[0],
+                achieved=matching.synthesis.swept_gamma,
                 achieved_reduced=hinf_norm(lft(problem, reduced.system, len(L.T), 2))[0],
                 plain=matching.plain_gamma,
                 lower_bound=matching.lower_bound,
                 order=matching.filter.nstates,
                 order_reduced=reduced.order,
                 regularisation=f"rho {chosen.penalty:g}, {chosen.noise}",
-                slowest_pole_rad_s=float(poles(Q).real.max()),
+                slowest_pole_rad_s=float(poles(reduced.system).real.max()),
                 seconds=time.perf_counter() - started,
             )
         )

@@ -59,9 +59,6 @@ class MatchingWeights:
         Regularisation rho on q.
     noise : MeasurementNoise
         Regularisation eps on the measurements.
-    washout_rad_s : float
-        Q ends in `s / (s + washout)`: nothing of q is left at rest, and K0's integral action stays whole;
-        0 for no washout.
     reduction : float
         Hankel singular values below this part of the largest are left out of Q.
     """
@@ -72,7 +69,6 @@ class MatchingWeights:
     integrator_rad_s: float = 1e-3
     penalty: float = 0.5
     noise: MeasurementNoise = COMPENSATOR_NOISE
-    washout_rad_s: float = 0.0
     reduction: float = 1e-3
 
 
@@ -91,6 +87,6 @@ class CompensatorWeights:
     """
 
     guard: MatchingWeights = MatchingWeights(reduction=2e-4)
-    actuator: MatchingWeights = MatchingWeights(washout_rad_s=0.003, reduction=2e-6)
+    actuator: MatchingWeights = MatchingWeights(corner_rad_s=0.2, penalty=0.2, reduction=4e-6)
     sensor: MatchingWeights = MatchingWeights()
     fade_time_s: float = 5.0
