@@ -6,21 +6,19 @@ by the command that needs them, so that help comes at once.
 
 import contextlib
 import difflib
-import json
-import math
 import os
 import signal
 import sys
 import tempfile
 import traceback
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
 from click.shell_completion import CompletionItem, get_completion_class
 
+from bringup.console import digits, print_json, print_table, progress_bar, say, without_nan
 from bringup.errors import BringupError, InterruptedRunError, RunError, one_line
 
 if TYPE_CHECKING:
@@ -146,7 +144,7 @@ def run(
     from bringup.bag import read_bag
     from bringup.graph import run_graph
 
-    with _progress(f"{chosen.name} ({mode})") as progress:
+    with progress_bar(f"{chosen.name} ({mode})") as progress:
         try:
             run_graph(chosen, folder, mode=mode, progress=progress)
         except BringupError as problem:
@@ -177,7 +175,7 @@ def simulate(
 
     chosen = _load(scenario, overrides, passive)
     folder = _prepare(out or Path("results") / f"{chosen.name}_simulated", force)
-    with _progress(f"{chosen.name} (simulation)") as progress:
+    with progress_bar(f"{chosen.name} (simulation)") as progress:
         recording = simulate_loop(chosen, progress=progress)
     _finish(recording, folder, as_json)
 
@@ -190,10 +188,10 @@ def scenarios(as_json: bool) -> None:
 
     known = {name: load(name) for name in built_in_scenarios()}
     if as_json:
-        _print_json({name: item.model_dump(mode="json") for name, item in known.items()})
+        print_json({name: item.model_dump(mode="json") for name, item in known.items()})
         return
     rows = [[name, f"{item.duration_s:g} s", item.description] for name, item in known.items()]
-    _table(["scenario", "duration", "what happens"], rows)
+    print_table(["scenario", "duration", "what happens"], rows)
 
 
 @cli.command(
@@ -220,7 +218,7 @@ def report(bag: Path, out: Path | None, beside: Path | None) -> None:
         raise BringupError(msg)
     _make_folder(target.resolve().parent)
     write_report(target, recording, other, note, _health(bag))
-    _say(f"wrote {target}")
+    say(f"wrote {target}")
 
 
 @cli.command(
@@ -236,10 +234,10 @@ def replay(bag: Path, node: str, as_json: bool) -> None:
     """
     from bringup.replay import replay as replay_node
 
-    with _progress(f"replay of {node}") as progress:
+    with progress_bar(f"replay of {node}") as progress:
         result = replay_node(bag, node, progress)
     if as_json:
-        _print_json(
+        print_json(
             {
                 "node": result.node,
                 "ticks": result.ticks,
@@ -257,7 +255,7 @@ def replay(bag: Path, node: str, as_json: bool) -> None:
         )
     if not result.same:
         for line in result.differences:
-            _say(one_line(line))
+            say(one_line(line))
         msg = f"{node}: {result.different} of {result.compared} messages differ from the recorded ones"
         raise RunError(msg)
 
@@ -291,7 +289,7 @@ def equilibria(as_json: bool) -> None:
         for row, point in points
     }
     if as_json:
-        _print_json(content)
+        print_json(content)
         return
     units = {"rpm": "rpm", "percent": "%", "kg_s": "kg/s", "c": "°C", "kpa": "kPa", "k": "K", "kw": "kW"}
     rows = []
@@ -301,7 +299,7 @@ def equilibria(as_json: bool) -> None:
         for end in units:
             name = name.removesuffix(f" {end.replace('_', ' ')}")
         rows.append([name, unit, *(f"{content[row.name][key]:.6g}" for row, _ in points)])
-    _table(["quantity", "unit", *content], rows)
+    print_table(["quantity", "unit", *content], rows)
 
 
 @cli.command(epilog=_examples("acftc design --point med"))
@@ -319,7 +317,7 @@ def design(point: str | None, as_json: bool) -> None:
     points = [point] if point else ["low", "med", "high"]
     blocks = {name: [asdict(block) for block in all_blocks(name)] for name in points}
     if as_json:
-        _print_json(_without_nan(blocks))
+        print_json(without_nan(blocks))
         return
     heads = [
         "point",
@@ -337,19 +335,19 @@ def design(point: str | None, as_json: bool) -> None:
         [
             name,
             block["block"],
-            _figure(block["claimed"]),
-            _figure(block["achieved"]),
-            _figure(block["achieved_reduced"]),
-            _figure(block["lower_bound"]),
+            digits(block["claimed"]),
+            digits(block["achieved"]),
+            digits(block["achieved_reduced"]),
+            digits(block["lower_bound"]),
             f"{block['order']} → {block['order_reduced']}",
-            f"{_figure(block['slowest_pole_rad_s'])} rad/s",
+            f"{digits(block['slowest_pole_rad_s'])} rad/s",
             f"{block['seconds']:.1f} s",
             block["regularisation"],
         ]
         for name in points
         for block in blocks[name]
     ]
-    _table(heads, rows)
+    print_table(heads, rows)
 
 
 @cli.command(
@@ -371,18 +369,18 @@ def reproduce(out: Path, cycle: Path | None) -> None:
     _make_folder(out)
     from bringup.reproduce import reproduce as run_experiments
 
-    experiments = run_experiments(out, cycle, _say)
+    experiments = run_experiments(out, cycle, say)
     rows = []
     for experiment in experiments:
         rows.append([experiment.id, experiment.title, "", "", experiment.verdict])
         for item in experiment.findings:
-            ours, paper = f"{_figure(item.ours)} {item.unit}", _figure(item.paper)
+            ours, paper = f"{digits(item.ours)} {item.unit}", digits(item.paper)
             rows.append(["", item.quantity, paper, ours, item.verdict])
-    _table(["", "experiment", "paper", "ours", "verdict"], rows)
+    print_table(["", "experiment", "paper", "ours", "verdict"], rows)
     for experiment in experiments:
         if not experiment.findings:
-            _say(f"{experiment.id}: {experiment.remark}")
-    _say(f"wrote {out / 'paper.json'} and {out / 'index.html'}")
+            say(f"{experiment.id}: {experiment.remark}")
+    say(f"wrote {out / 'paper.json'} and {out / 'index.html'}")
 
 
 @cli.command(epilog=_examples("acftc calibrate", "acftc calibrate --json"))
@@ -404,13 +402,13 @@ def calibrate(as_json: bool) -> None:
     )
     content = {name: {"solved": solved[name], "shipped": shipped[name]} for name in names}
     if as_json:
-        _print_json(content)
+        print_json(content)
         return
-    _table(
+    print_table(
         ["parameter", "solved", "shipped"],
         [[name, f"{values['solved']:.9g}", f"{values['shipped']:.9g}"] for name, values in content.items()],
     )
-    _table(
+    print_table(
         ["operating point", "volumetric efficiency", "valve area"],
         [[point.row.name, f"{point.eta_v:.4f}", f"{1e6 * point.valve_area_m2:.4f} mm²"] for point in points],
     )
@@ -430,7 +428,7 @@ def topics(as_json: bool) -> None:
     from bringup.watch import table, topics_live, topics_once
 
     if as_json:
-        _print_json(topics_once())
+        print_json(topics_once())
         return
     from rich.live import Live
 
@@ -454,9 +452,9 @@ def bench(realtime_s: float, ticks: int, as_json: bool) -> None:
     from bringup.bench import as_dicts
     from bringup.bench import bench as measure
 
-    figures = measure(ticks=ticks, realtime_s=realtime_s, say=_say)
+    figures = measure(ticks=ticks, realtime_s=realtime_s, say=say)
     if as_json:
-        _print_json(as_dicts(figures))
+        print_json(as_dicts(figures))
     else:
         rows = []
         for figure in figures:
@@ -464,7 +462,7 @@ def bench(realtime_s: float, ticks: int, as_json: bool) -> None:
             beside = "" if figure.reference is None else f"{figure.reference:.4g}"
             verdict = {None: "", True: "ok", False: "missed"}[figure.passed]
             rows.append([figure.name, f"{figure.ours:.4g} {figure.unit}", beside, bar, verdict])
-        _table(["", "ours", "bare chain", "bar", ""], rows)
+        print_table(["", "ours", "bare chain", "bar", ""], rows)
     missed = [figure.name.strip() for figure in figures if figure.passed is False]
     if missed:
         msg = f"missed: {', '.join(missed)}"
@@ -535,10 +533,10 @@ def _finish(recording: "Recording", folder: Path, as_json: bool, health: "Sequen
     other, note = _companion(recording)
     write_report(folder / "report.html", recording, other, note, health)
     if as_json:
-        _print_json(summary)
+        print_json(summary)
     else:
         _print_summary(summary)
-        _say(f"wrote {folder / 'summary.json'} and {folder / 'report.html'}")
+        say(f"wrote {folder / 'summary.json'} and {folder / 'report.html'}")
 
 
 def _companion(recording: "Recording") -> "tuple[Recording | None, str]":
@@ -572,64 +570,12 @@ def _print_summary(summary: dict[str, Any]) -> None:
         name, _, unit = key.rpartition("_")
         rows.append([name.replace("_", " "), "–" if value is None else f"{value:.3f} {units[unit]}"])
     kind = "passive" if summary["passive"] else "active"
-    _table([summary["scenario"], f"{summary['mode']}, {kind}"], rows)
-
-
-def _figure(value: float | None) -> str:
-    """Four digits, or a dash where there is no number."""
-    return "–" if value is None or not math.isfinite(value) else f"{value:.4g}"
-
-
-def _without_nan(value: Any) -> Any:
-    """Put None where JSON has no number."""
-    if isinstance(value, dict):
-        return {key: _without_nan(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_without_nan(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    print_table([summary["scenario"], f"{summary['mode']}, {kind}"], rows)
 
 
 def _speed(summary: dict[str, Any]) -> str:
     factor = summary["real_time_factor"]
     return "–" if factor is None else f"{factor:.1f} times real time ({summary['wall_seconds']:.2f} s)"
-
-
-def _table(heads: list[str], rows: list[list[str]]) -> None:
-    from rich.box import SIMPLE_HEAD
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    for head in heads:
-        table.add_column(head, overflow="fold")
-    for row in rows:
-        table.add_row(*row)
-    # In a pipe there is no width to keep to, and a wrapped line is no use to a script.
-    Console(width=None if sys.stdout.isatty() else 200, highlight=False).print(table)
-
-
-def _print_json(content: Any) -> None:
-    click.echo(json.dumps(content, indent=2, allow_nan=False))
-
-
-def _say(line: str) -> None:
-    """Tell the user where things are, on stderr so that stdout stays what a script reads."""
-    click.echo(line, err=True)
-
-
-@contextmanager
-def _progress(what: str) -> Iterator[Callable[[int, int], None] | None]:
-    """Give a progress function that draws a bar on stderr, or None when stderr is no terminal."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"))
-    with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 # -------------------------------------------------------------------------------------------------------- main

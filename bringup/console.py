@@ -1,0 +1,64 @@
+"""What the command line prints: tables and JSON on stdout, remarks and progress on stderr."""
+
+import json
+import math
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import click
+
+
+def print_table(heads: list[str], rows: list[list[str]]) -> None:
+    """Print a table on stdout, in colour only on a terminal."""
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    for head in heads:
+        table.add_column(head, overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    # In a pipe there is no width to keep to, and a wrapped line is no use to a script.
+    Console(width=None if sys.stdout.isatty() else 200, highlight=False).print(table)
+
+
+def print_json(content: Any) -> None:
+    """Print `content` as strict JSON on stdout."""
+    click.echo(json.dumps(content, indent=2, allow_nan=False))
+
+
+def say(line: str) -> None:
+    """Tell the user where things are, on stderr so that stdout stays what a script reads."""
+    click.echo(line, err=True)
+
+
+@contextmanager
+def progress_bar(what: str) -> Iterator[Callable[[int, int], None] | None]:
+    """Give a progress function that draws a bar on stderr, or None when stderr is no terminal."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"))
+    with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def digits(value: float | None) -> str:
+    """Four digits, or a dash where there is no number."""
+    return "–" if value is None or not math.isfinite(value) else f"{value:.4g}"
+
+
+def without_nan(value: Any) -> Any:
+    """Put None where JSON has no number."""
+    if isinstance(value, dict):
+        return {key: without_nan(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [without_nan(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
