@@ -23,6 +23,9 @@ DEFAULT_TOLERANCE = 1.0e-5
 MIN_STEP_S = 6.0e-3
 """Steps this short are accepted whatever their error estimate: a kink where a zone vanishes is then passed over."""
 MAX_STEP_S = 20.0
+MAX_AGE = 4.0
+"""Accepted steps for which one Jacobian serves; after a rejected step it is made anew. Order and conservation do not
+depend on it."""
 MAX_ERROR = 1000.0
 """No step is accepted above this error estimate (in units of the tolerance) of mass, energy, mean wall temperatures and
 zone length."""
@@ -63,8 +66,8 @@ _E = _M - _B_HAT @ _INV
 _DIFFERENCE = np.array([1e-8, 1e-3, 1e-1, 1e-5, 1e-5, 1.0, 1e-3, 1e-7, 1e-1, 1e-5, 1e-5, 1e-5])
 
 # Layout of the scalar memory of an integration.
-H_NEXT, H_LAST, T_LAST, MOVED, N_STEPS, N_REJECTED, FRESH, POWERS, TOLERANCE = 0, 1, 2, 3, 4, 5, 6, 7, 8
-N_MEMORY = 9
+H_NEXT, H_LAST, T_LAST, MOVED, N_STEPS, N_REJECTED, FRESH, POWERS, TOLERANCE, AGE = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
+N_MEMORY = 10
 
 
 @jit
@@ -121,10 +124,9 @@ def _substitute(a, pivots, b):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _advance_once(y0, y1, f0, f1, jac, lu, u, trial, s, pivots, memory, charge, w, par, tab, guess, z, aux):  # type: ignore[no-untyped-def]
-    """One accepted step from y0 (rate f0 known) to y1 (rate f1); sizes in `memory`. 0, or 1 when none worked."""
+def _jacobian(y0, f0, jac, dy, trial, s, charge, w, par, tab, guess, z, aux):  # type: ignore[no-untyped-def]
+    """Jacobian of the rates at y0 by forward differences, backward where forward leads out of the tables."""
     n = N_STATES
-    # Jacobian by forward differences in the direction away from zero rates of change: columns of y.
     for j in range(n):
         if j == 5:
             for i in range(n):
@@ -134,13 +136,22 @@ def _advance_once(y0, y1, f0, f1, jac, lu, u, trial, s, pivots, memory, charge, 
             trial[i] = y0[i]
         d = _DIFFERENCE[j]
         trial[j] += d
-        if _rate(trial, charge, w, par, tab, guess, z, s, u[0], aux) != 0:
+        if _rate(trial, charge, w, par, tab, guess, z, s, dy, aux) != 0:
             d = -d
             trial[j] = y0[j] + d
-            _rate(trial, charge, w, par, tab, guess, z, s, u[0], aux)
+            _rate(trial, charge, w, par, tab, guess, z, s, dy, aux)
         inv = 1.0 / (trial[j] - y0[j])
         for i in range(n):
-            jac[i, j] = (u[0, i] - f0[i]) * inv
+            jac[i, j] = (dy[i] - f0[i]) * inv
+
+
+@jit
+def _advance_once(y0, y1, f0, f1, jac, lu, u, trial, s, pivots, memory, charge, w, par, tab, guess, z, aux):  # type: ignore[no-untyped-def]
+    """One accepted step from y0 (rate f0 known) to y1 (rate f1); sizes in `memory`. 0, or 1 when none worked."""
+    n = N_STATES
+    if memory[AGE] >= MAX_AGE:
+        _jacobian(y0, f0, jac, u[0], trial, s, charge, w, par, tab, guess, z, aux)
+        memory[AGE] = 0.0
     h = memory[H_NEXT]
     rejected = False
     for _ in range(40):
@@ -193,6 +204,7 @@ def _advance_once(y0, y1, f0, f1, jac, lu, u, trial, s, pivots, memory, charge, 
             memory[H_LAST] = h
             memory[H_NEXT] = min(max(h * min(max(grow, 0.2), limit), MIN_STEP_S), MAX_STEP_S)
             memory[N_STEPS] += 1.0
+            memory[AGE] += 1.0
             return 0
         memory[N_REJECTED] += 1.0
         rejected = True
@@ -203,6 +215,9 @@ def _advance_once(y0, y1, f0, f1, jac, lu, u, trial, s, pivots, memory, charge, 
             h *= 0.25
             if h < 1.0e-7:
                 return 1
+        if memory[AGE] > 0.0:
+            _jacobian(y0, f0, jac, u[0], trial, s, charge, w, par, tab, guess, z, aux)
+            memory[AGE] = 0.0
     return 1
 
 
@@ -256,6 +271,7 @@ def new_work(tolerance: float = DEFAULT_TOLERANCE) -> tuple[np.ndarray, ...]:
     memory[H_NEXT] = 0.02
     memory[FRESH] = 1.0
     memory[TOLERANCE] = tolerance
+    memory[AGE] = MAX_AGE
     return (
         *vectors, np.zeros((n, n)), np.zeros((n, n)), np.zeros((4, n)), np.zeros(n), np.zeros(n),
         np.zeros(n, dtype=np.int64), memory,

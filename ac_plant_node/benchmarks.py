@@ -1,0 +1,246 @@
+"""Benchmarks of the plant beside what they are measured against; `python -m ac_plant_node.benchmarks` prints them."""
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ac_plant_node import integrator, model
+from ac_plant_node.compiled import jit
+from ac_plant_node.equilibrium import POINTS, operating_point
+from ac_plant_node.parameters import load_parameters
+from ac_plant_node.plant import INPUT_HIGH, INPUT_LOW, Plant
+from ac_plant_node.tables import load_tables
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class PlantFigure:
+    """One line of the table.
+
+    Attributes
+    ----------
+    name, unit : str
+    ours : float
+    bar : float, optional
+        What `ours` must reach; `at_least` says from which side.
+    at_least : bool
+    reference : float, optional
+        The same quantity of what it is compared with.
+    """
+
+    name: str
+    unit: str
+    ours: float
+    bar: float | None = None
+    at_least: bool = False
+    reference: float | None = None
+
+
+def run_benchmarks(hours: int = 50, say: Say = lambda _: None) -> list[PlantFigure]:
+    """All figures of the plant.
+
+    Parameters
+    ----------
+    hours : int
+        Simulated hours of random inputs over the whole permitted box, a seed each.
+    say : callable
+        Told what is being measured.
+    """
+    say("right-hand side, compiled and with CoolProp")
+    compiled, direct = rhs_time_us(), coolprop_rhs_time_us()
+    say("1000 s of transient, ours and BDF with CoolProp")
+    ours_ms, ours_error = transient(3.0e-5)
+    bdf_ms, bdf_error = transient_with_bdf(1.0e-5)
+    say(f"{hours} h of random inputs")
+    random = random_inputs(hours)
+    say("fresh processes, with caches and without")
+    return [
+        PlantFigure("right-hand side", "us", compiled, 5.0, reference=direct),
+        PlantFigure("  CoolProp's time over ours", "", direct / compiled, 50.0, at_least=True),
+        PlantFigure(
+            "1000 s of open-loop transient (reference: BDF on CoolProp)", "ms", ours_ms, 50.0, reference=bdf_ms
+        ),
+        PlantFigure("  BDF's time over ours", "", bdf_ms / ours_ms, 100.0, at_least=True),
+        PlantFigure("  largest error of p_e on the way", "Pa", ours_error, reference=bdf_error),
+        *random,
+        PlantFigure("import and first step, caches warm", "s", first_step_s(), 2.0),
+        PlantFigure("import and first step, caches cold", "s", first_step_s(cold=True), 60.0),
+    ]
+
+
+def _best(function: Callable[[], None], rounds: int) -> float:
+    """Shortest time (s) of some rounds: what the code takes when nothing else takes the processor."""
+    times = []
+    for _ in range(rounds):
+        start = time.perf_counter()
+        function()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+@jit
+def _rhs_loop(s, w, par, tab, guess, z, ds, aux, n, factor):  # type: ignore[no-untyped-def]
+    for _ in range(n):
+        s[1] *= factor
+        s[6] *= factor
+        factor = 1.0 / factor
+        model.rhs(s, w, par, tab, guess, z, ds, aux)
+
+
+def rhs_time_us(n: int = 20000) -> float:
+    """Time of one compiled right-hand side at the medium point, its state moved by 1e-4 from call to call."""
+    parameters, point = load_parameters(), operating_point("med")
+    tab = load_tables(parameters.refrigerant)
+    guess, z, ds, aux = model.new_workspace()
+    guess[:] = point.state[1], point.state[7]
+
+    def loop(count: int = n) -> None:
+        _rhs_loop(point.conserved.copy(), point.inputs, parameters.array, tab, guess, z, ds, aux, count, 1.0 + 1.0e-4)
+
+    loop(10)
+    return _best(loop, 7) / n * 1.0e6
+
+
+def coolprop_rhs_time_us(n: int = 40) -> float:
+    """The same with CoolProp instead of tables, in plain Python."""
+    from ac_plant_node.reference import CoolPropModel
+
+    point, direct = operating_point("med"), CoolPropModel()
+    states = [point.conserved * f for f in (1.0, 1.0 + 1.0e-4)]
+
+    def loop() -> None:
+        for k in range(n):
+            direct.rates(states[k % 2], point.inputs)
+
+    direct.rates(states[0], point.inputs)
+    return _best(loop, 3) / n * 1.0e6
+
+
+def _transient_inputs() -> NDArray[np.float64]:
+    w: NDArray[np.float64] = operating_point("med").inputs * np.array([1.1, 1.1, 1.15, 1.05])
+    return w
+
+
+_TIMES_S = np.array([2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0])
+"""When the two are compared with a far more accurate solution."""
+
+
+def _pressures(tolerance: float) -> NDArray[np.float64]:
+    plant, w = Plant.at("med", tolerance), _transient_inputs()
+    return np.array([plant.step(w, dt)[0] for dt in np.diff(_TIMES_S, prepend=0.0)])
+
+
+def transient(tolerance: float) -> tuple[float, float]:
+    """Time (ms) of 1000 s after a step of every input, and the largest error of p_e (Pa) on the way."""
+    w = _transient_inputs()
+    times = []
+    for _ in range(7):
+        plant = Plant.at("med", tolerance)
+        start = time.perf_counter()
+        plant.step(w, 1000.0)
+        times.append(time.perf_counter() - start)
+    return min(times) * 1.0e3, float(np.abs(_pressures(tolerance) - _pressures(1.0e-9)).max())
+
+
+def transient_with_bdf(rtol: float) -> tuple[float, float]:
+    """The same by scipy's BDF on the right-hand side that calls CoolProp.
+
+    BDF gets a Jacobian by differences large enough for CoolProp's iterative flashes: its own are lost in their noise.
+    """
+    from scipy.integrate import solve_ivp
+
+    from ac_plant_node.reference import CoolPropModel
+
+    w, direct = _transient_inputs(), CoolPropModel()
+    start_state = operating_point("med").conserved
+    direct.rates(start_state, w)
+    scale = integrator.ERROR_SCALE.copy()
+    scale[5] = scale[0]  # the condenser's mass, where our integration carries heat
+
+    def jacobian(_t: float, s: NDArray[np.float64]) -> NDArray[np.float64]:
+        base, columns = direct.rates(s, w), []
+        for j in range(model.N_STATES):
+            moved = s.copy()
+            moved[j] += 1.0e-4 * scale[j]
+            columns.append((direct.rates(moved, w) - base) / (moved[j] - s[j]))
+        return np.array(columns).T
+
+    begin = time.perf_counter()
+    result = solve_ivp(
+        lambda _t, s: direct.rates(s, w), (0.0, 1000.0), start_state, method="BDF", rtol=rtol, atol=rtol * scale,
+        jac=jacobian, t_eval=_TIMES_S,
+    )  # fmt: skip
+    spent = time.perf_counter() - begin
+    found = []
+    for s in result.y.T:
+        direct.rates(s, w)
+        found.append(direct.aux[1])
+    return spent * 1.0e3, float(np.abs(np.array(found) - _pressures(1.0e-9)).max())
+
+
+def random_inputs(hours: int) -> list[PlantFigure]:
+    """Ticks of 0.1 s under random inputs: processor time, balances, and the bounds that outputs stay in."""
+    ticks: list[float] = []
+    mass = energy = 0.0
+    rows = []
+    for seed in range(hours):
+        rng = np.random.default_rng(seed)
+        plant = Plant.at(POINTS[seed % 3])
+        mass_0, energy_0 = plant.refrigerant_mass_kg, plant.stored_energy_j
+        left = 36000
+        while left > 0:
+            w = rng.uniform(INPUT_LOW, INPUT_HIGH)
+            w[0] *= rng.random() > 0.1
+            w[1] *= rng.random() > 0.1
+            n = min(left, int(rng.uniform(50, 600)))
+            left -= n
+            for _ in range(n):
+                start = time.thread_time()
+                y = plant.step(w, 0.1)
+                ticks.append(time.thread_time() - start)
+            rows.append(y)
+        mass = max(mass, abs(plant.refrigerant_mass_kg / mass_0 - 1.0))
+        energy = max(energy, abs(plant.stored_energy_j - energy_0 - plant.heat_in_j) / plant.heat_moved_j)
+    table = np.array(rows)
+    worst = np.sort(ticks)
+    return [
+        PlantFigure("one control interval of 0.1 s, mean processor time", "ms", float(worst.mean()) * 1.0e3),
+        PlantFigure("  longest", "ms", float(worst[-1]) * 1.0e3, 1.0),
+        PlantFigure("  relative drift of the refrigerant mass", "", mass, 1.0e-6),
+        PlantFigure("  energy imbalance over heat moved", "", energy, 1.0e-4),
+        PlantFigure("  lowest p_e", "kPa", float(table[:, 0].min()) * 1.0e-3, 15.0, at_least=True),
+        PlantFigure("  highest p_c", "kPa", float(table[:, 3].max()) * 1.0e-3, 3450.0),
+    ]
+
+
+def first_step_s(cold: bool = False) -> float:
+    """Seconds from the start of a Python process to its first step of the plant."""
+    code = "import ac_plant_node; ac_plant_node.Plant.at('med').advance(0.1)"
+    with tempfile.TemporaryDirectory(prefix="acftc-cold-") as folder:
+        environment = dict(os.environ, XDG_CACHE_HOME=folder) if cold else None
+
+        def start() -> None:
+            subprocess.run([sys.executable, "-c", code], check=True, env=environment, stderr=subprocess.DEVNULL)
+
+        return _best(start, 1 if cold else 3)
+
+
+def main() -> None:
+    """Print the figures."""
+    hours = int(sys.argv[1]) if len(sys.argv) > 1 else 50
+    for f in run_benchmarks(hours, say=lambda text: print(f"  ... {text}", file=sys.stderr, flush=True)):
+        bar = "" if f.bar is None else f"{'at least' if f.at_least else 'at most'} {f.bar:g}"
+        reference = "" if f.reference is None else f"reference {f.reference:.4g}"
+        print(f"{f.name:62s} {f.ours:12.4g} {f.unit:4s} {bar:16s} {reference}")
+
+
+if __name__ == "__main__":
+    main()
