@@ -20,6 +20,8 @@ PARAMETERS = (
     MODE,
     Parameter("ticks", 0, "stop after this many ticks; 0: never", low=0, high=2**31 - 1),
 )
+#: A command that is later than this is not counted in the latencies any more.
+MOST_LATE_TICKS = 1000
 
 
 class PlantNode(NodeShell):
@@ -31,6 +33,7 @@ class PlantNode(NodeShell):
         self._finished = False
         self._missed = 0
         self._latencies_s: list[float] = []
+        self._published_s: dict[int, float] = {}  # of ticks whose command has not come yet
         self._wall_s = 0.0
 
     def configure(self) -> None:
@@ -72,7 +75,7 @@ class PlantNode(NodeShell):
     def _publish(self) -> None:
         time_ns = self._first_ns + self._tick * self._tick_ns
         p_e, superheat, wall, p_c = self._plant_outputs.tolist()
-        self._published_s = time.monotonic()
+        self._published_s[self._tick] = time.monotonic()
         if not self._realtime:
             self.send(time_ns, "clock")
         self.send(time_ns, "plant/evaporator_pressure", p_e)
@@ -84,18 +87,18 @@ class PlantNode(NodeShell):
     def _commanded(self, time_ns: int, *values: float) -> None:
         """Hold the inputs of a tick from now on; in lockstep the tick is over with that."""
         tick = (time_ns - self._first_ns) // self._tick_ns
-        if tick > self._tick or self._finished:
+        if tick not in self._published_s or self._finished:
             return
         self._held[:] = values
         self._commanded_tick = tick
-        if tick == self._tick:
-            self._latencies_s.append(time.monotonic() - self._published_s)
-            if not self._realtime:
-                self._advance()
+        self._latencies_s.append(time.monotonic() - self._published_s.pop(tick))
+        if tick == self._tick and not self._realtime:
+            self._advance()
 
     def on_deadline(self) -> None:
         """Begin the next tick of the wall clock with whatever command is there."""
         self._missed += self._commanded_tick < self._tick
+        self._published_s.pop(self._tick - MOST_LATE_TICKS, None)
         self.deadline_s += self._sample_time_s
         self._advance()
 

@@ -133,11 +133,11 @@ def test_fault_is_started_changed_and_stopped_in_a_running_graph(operator: Opera
 
 @pytest.mark.ros
 def test_realtime_keeps_to_the_wall_clock(tmp_path: Path) -> None:
-    run = run_graph(load("nominal", ["duration_s=3", "sample_time_s=0.05"]), tmp_path, mode="realtime")
-    assert run.ticks == 60
-    assert run.wall_seconds >= 3.0 - 0.05  # never faster than the clock; how much slower is the machine's business
+    run = run_graph(load("nominal", ["duration_s=3"]), tmp_path, mode="realtime")
+    assert run.ticks == 30
+    assert run.wall_seconds >= 3.0 - 0.1  # never faster than the clock; how much slower is the machine's business
     recording = read_bag(run.bag)
-    np.testing.assert_array_equal(recording.time_s, np.arange(60) * 50_000_000 / 1e9)
+    np.testing.assert_array_equal(recording.time_s, np.arange(30) * 100_000_000 / 1e9)
     assert recording.metadata["mode"] == "realtime"
     assert recording.metadata["missed_ticks"] == run.missed_ticks
     missing = np.isnan(recording.series["controller/command:compressor"]).sum()
