@@ -20,7 +20,7 @@ from ac_plant_node.model import HEAT_IN, N_STATES, POWER, Q_AIR_C, Q_AIR_E, rhs
 
 DEFAULT_TOLERANCE = 1.0e-5
 """Local error per step allowed, relative to `ERROR_SCALE`."""
-MIN_STEP_S = 6.0e-3
+MIN_STEP_S = 8.0e-3
 """Steps this short are accepted whatever their error estimate: a kink where a zone vanishes is then passed over."""
 MAX_STEP_S = 20.0
 MAX_AGE = 4.0

@@ -373,7 +373,7 @@ def rhs(s, w, par, tab, guess, z, ds, aux):  # type: ignore[no-untyped-def]
             te, hf_e, hg_e, rf_e, rg_e, sf_e, sg_e, hf_pe, hg_pe, lnp_e,
             r1_e, e1_e, r1_pe, e1_pe, r2_e, r2_ppe, r2_he, hm_e, hm_pe, half_e, t2_e, r2_pe, e2_pe,
         ) = _evaporator_at(p, rbar_e, e_e, h2, h4, tab)  # fmt: skip
-        if abs(residual) <= 2.0e-12 * abs(slope_pe) * p:
+        if abs(residual) <= 1.0e-13 * abs(slope_pe) * p:
             status = 0
             break
         if residual > 0.0:
@@ -413,7 +413,7 @@ def rhs(s, w, par, tab, guess, z, ds, aux):  # type: ignore[no-untyped-def]
             r2_c, e2_c, r2_pc, e2_pc, half_3, hm3, hm3_p, r3_c, r3_ppc, r3_hc, t3_c, r3_pc, e3_c, e3_pc,
             h_p_rest, e_rest, r_rest, t2_c, void_full,
         ) = _condenser_at(p, rbar_c, e_c, zc1, h3, s1, h2, eta_s, tab)  # fmt: skip
-        if abs(residual) <= 2.0e-12 * abs(slope_pc) * p:
+        if abs(residual) <= 1.0e-13 * abs(slope_pc) * p:
             status_c = 0
             break
         if residual > 0.0:

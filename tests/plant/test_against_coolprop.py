@@ -10,8 +10,8 @@ from ac_plant_node.equilibrium import RATE_SCALE, equilibrium
 from ac_plant_node.reference import CoolPropModel
 from ac_plant_node.tables import ENTROPY_SPAN_J_KGK, P_MIN_PA, VAPOUR_SPAN_J_KG, load_tables
 
-# Largest errors allowed over the whole envelope (8 kPa to 0.92 of the critical pressure), and up to 0.8 of it, where the
-# plant lives: relative for densities and the saturation line, K, J/(kg K), J/kg.
+# Largest errors allowed over the whole envelope (8 kPa to 0.92 of the critical pressure), and up to 0.8 of it, where
+# the plant lives: relative for densities and the saturation line, K, J/(kg K), J/kg.
 WHOLE = {"rho_v": 5e-4, "T_v": 0.05, "s_v": 0.15, "h_s": 60.0, "rho_l": 5e-4, "T_l": 0.05, "sat": 5e-5}
 USUAL = {"rho_v": 1e-5, "T_v": 1e-3, "s_v": 5e-3, "h_s": 1.0, "rho_l": 1e-5, "T_l": 1e-3, "sat": 1e-7}
 
