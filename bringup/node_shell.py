@@ -7,6 +7,7 @@ says with `on_tick` which topics make up a tick's input and what to do then.
 import ctypes
 import gc
 import math
+import os
 import sys
 import time
 import traceback
@@ -91,6 +92,13 @@ AUTOSTART = Parameter(
     "autostart", True, "configure and activate at once; false leaves that to whoever manages the node"
 )
 OPERATING_POINT = Parameter("operating_point", "med", "operating point of the design", choices=("low", "med", "high"))
+PRIORITY = Parameter(
+    "priority",
+    0,
+    "SCHED_FIFO priority of all threads while active, where the system permits it; 0: none",
+    low=0,
+    high=99,
+)
 MODE = Parameter("mode", "lockstep", "what a tick waits for: loop or wall clock", choices=("lockstep", "realtime"))
 SAMPLE_TIME = Parameter("sample_time_s", 0.1, "sample time of the loop, s", low=0.01, high=0.1)
 
@@ -141,7 +149,8 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         super().__init__(name)
         self.problem = ""  # why the last transition failed
         self.health = Health()
-        self._parameters_ = {p.name: p for p in (AUTOSTART, *parameters)}
+        self._scheduled = "normal"
+        self._parameters_ = {p.name: p for p in (AUTOSTART, PRIORITY, *parameters)}
         self.add_on_set_parameters_callback(self._check_choices)
         for parameter in self._parameters_.values():
             self.declare_parameter(parameter.name, parameter.default, parameter.descriptor())
@@ -270,6 +279,7 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         gc.collect()
         gc.freeze()
         gc.disable()
+        self._scheduled = set_priority(self.value("priority"))
         self.started()
         self.soon(self.report_health)
 
@@ -277,6 +287,7 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         self.running = False
         self._setup.is_open = True
         gc.enable()
+        set_priority(0)
         self.stopped()
         self.soon(self.report_health)
 
@@ -295,7 +306,7 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
     def report_health(self) -> None:
         """Publish the node's health, and how many subscribers its outputs have found."""
         gc.collect(1)
-        values = {"state": self.state, **self.health.report(), **self.health_values()}
+        values = {"state": self.state, "scheduling": self._scheduled, **self.health.report(), **self.health_values()}
         for topic, (publisher, *_) in self._senders.items():
             values[f"subscribers/{topic}"] = str(publisher.get_subscription_count())
         message = DiagnosticArray()
@@ -386,6 +397,17 @@ def _report(node: NodeShell | None, problem: Exception) -> int:
         traceback.print_exc()
     print(f"{node.get_name() if node else _program()}: {_one_line(problem)}", file=sys.stderr, flush=True)
     return 1
+
+
+def set_priority(priority: int) -> str:
+    """Schedule all threads of this process by SCHED_FIFO (0: normally); what has come of it."""
+    policy = os.SCHED_FIFO if priority > 0 else os.SCHED_OTHER
+    try:
+        for thread in Path("/proc/self/task").iterdir():  # the middleware's threads, too
+            os.sched_setscheduler(int(thread.name), policy, os.sched_param(priority))
+    except OSError as problem:
+        return f"normal ({problem.strerror})"
+    return f"SCHED_FIFO {priority}" if priority > 0 else "normal"
 
 
 class _Timespec(ctypes.Structure):

@@ -9,12 +9,12 @@ from importlib import import_module
 import yaml
 
 from bringup.graph import MODULES, parameter_file
-from bringup.node_shell import AUTOSTART, Parameter
+from bringup.node_shell import AUTOSTART, PRIORITY, Parameter
 
 
 def text(name: str) -> str:
     """Content of the parameter file of a node: every parameter with its default, what it means and what is allowed."""
-    declared: Sequence[Parameter] = (AUTOSTART, *import_module(_module(name)).PARAMETERS)
+    declared: Sequence[Parameter] = (AUTOSTART, PRIORITY, *import_module(_module(name)).PARAMETERS)
     lines = [
         f"# Parameters of the node `{name}` and their defaults. Use:",
         f"#   python -m {MODULES[name]} --ros-args --params-file {parameter_file(MODULES[name]).name}",
