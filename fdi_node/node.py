@@ -25,8 +25,10 @@ class FdiNode(NodeShell):
 
         self._detector = FaultDetector(self.design(FdiDesign, sensors=self.value("sensors")))
         self._start_ns: int | None = None
+        self._observed_ns = -1
         self._waits_for_command_of: int | None = None
         self._early: tuple[float, ...] | None = None
+        self._ahead: tuple[int, float, float] | None = None
         self._overtaken = 0
         self.on_tick((*MEASURED, "plant/air_inlet_temperature"), self._measured)
         self.on_tick(("controller/command",), self._commanded)
@@ -43,7 +45,12 @@ class FdiNode(NodeShell):
         self._early = (time_ns, *values)
 
     def _commanded(self, time_ns: int, compressor_speed: float, valve_opening: float) -> None:
-        if self._waits_for_command_of is None or time_ns < self._waits_for_command_of:
+        """Close the tick; a command that overtook its own measurement, as a replay's may, waits for it."""
+        if self._waits_for_command_of is None:
+            if time_ns > self._observed_ns:
+                self._ahead = (time_ns, compressor_speed, valve_opening)
+            return
+        if time_ns < self._waits_for_command_of:
             return
         self._detector.commanded(np.array([compressor_speed, valve_opening]))
         self._waits_for_command_of = None
@@ -56,7 +63,7 @@ class FdiNode(NodeShell):
             self._start_ns = time_ns
         time_s = (time_ns - self._start_ns) / 1e9
         found = self._detector.observe(time_s, np.array(values[:3]), values[3])
-        self._waits_for_command_of = time_ns
+        self._waits_for_command_of = self._observed_ns = time_ns
         p_e, superheat, wall = found.innovation.tolist()
         speed, pressure = found.residual.tolist()
         first, second = found.thresholds.tolist()
@@ -75,6 +82,9 @@ class FdiNode(NodeShell):
         self.send(time_ns, "fdi/status", status)
         self.send(time_ns, "fdi/residual/compressor_speed", speed)
         self.send(time_ns, "fdi/residual/evaporator_pressure", pressure)
+        if self._ahead is not None:
+            ahead, self._ahead = self._ahead, None
+            self._commanded(*ahead)
 
     def health_values(self) -> dict[str, str]:
         """How often a measurement had to go ahead without the command of the tick before."""
