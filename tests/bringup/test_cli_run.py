@@ -76,6 +76,12 @@ def test_a_run_leaves_bag_summary_and_report_and_agrees_with_the_simulation(name
         (row.detected, row.isolated) for row in alone.status
     ]
 
+    replay = acftc("replay", str(tmp_path / "bag"), "--node", "fdi", "--json", environment=environment)
+    out, err = replay.communicate(timeout=240)
+    assert replay.returncode == 0, err
+    answer = json.loads(out)
+    assert answer["compared"] == answer["identical"] == 6 * 120
+
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_that_is_stopped_says_so_in_one_line_and_leaves_a_readable_bag(tmp_path: Path, marked, number):
