@@ -1,4 +1,7 @@
-"""The loop in one process, on the nonlinear plant: the experiments' bars, and the same numbers every time."""
+"""The loop in one process, on the nonlinear plant: what a run must reach, and the same numbers every time.
+
+`acftc reproduce` judges the same runs more finely, against the paper.
+"""
 
 import numpy as np
 import pytest
@@ -66,7 +69,7 @@ def test_actuator_fault(passive: bool):
     assert fault["isolated_s"] - fault["onset_s"] < 60
     assert summary["false_alarms"] == 0
     if not passive:
-        assert summary["metrics"]["command_change_rpm"] == pytest.approx(-40, abs=0.2)
+        assert summary["metrics"]["command_change_rpm"] == pytest.approx(-40, abs=1)
         assert summary["metrics"]["peak_pressure_error_kpa"] < 1.0
 
 
