@@ -491,7 +491,7 @@ def _prepare(folder: Path, force: bool) -> Path:
     """Make the folder of the results; refuse to lose a recording that is there."""
     _make_folder(folder)
     bag = folder / "bag"
-    if not bag.exists():
+    if not any(bag.glob("*.mcap")):
         return folder
     if not force:
         msg = f"{bag}: holds the recording of an earlier run; choose another --out, or --force to overwrite it"
