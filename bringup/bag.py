@@ -112,6 +112,9 @@ def read_bag(bag: Path | str) -> Recording:
     if "wall_seconds" in health:
         recording.metadata["wall_seconds"] = float(health["wall_seconds"])
         recording.metadata["missed_ticks"] = int(health["missed_ticks"])
+        recording.metadata["command_latency_ms"] = {
+            quantile: float(health[f"command_latency_{quantile}_ms"]) for quantile in ("p50", "p99", "max")
+        }
     return recording
 
 

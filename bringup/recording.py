@@ -36,7 +36,8 @@ class Recording:
     status : one row for each ``fdi/status``, in order of time.
     metadata : what was run: at least ``scenario`` (the whole scenario as plain dict), ``mode`` ("lockstep",
         "realtime" or "simulate"), ``passive``, ``sample_time_s``; where known ``wall_seconds``, ``missed_ticks``,
-        ``complete`` (False for a bag cut short).
+        ``command_latency_ms`` (from measurement to command: ``p50``, ``p99``, ``max``), ``complete`` (False for a bag
+        cut short).
     """
 
     time_s: NDArray[np.float64]
