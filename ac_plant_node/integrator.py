@@ -20,13 +20,13 @@ from ac_plant_node.model import HEAT_IN, N_STATES, POWER, Q_AIR_C, Q_AIR_E, rhs
 
 DEFAULT_TOLERANCE = 1.0e-5
 """Local error per step allowed, relative to `ERROR_SCALE`."""
-MIN_STEP_S = 8.0e-3
+MIN_STEP_S = 1.0e-2
 """Steps this short are accepted whatever their error estimate: a kink where a zone vanishes is then passed over."""
 MAX_STEP_S = 20.0
 MAX_AGE = 4.0
 """Accepted steps for which one Jacobian serves; after a rejected step it is made anew. Order and conservation do not
 depend on it."""
-MAX_ERROR = 1000.0
+MAX_ERROR = 3000.0
 """No step is accepted above this error estimate (in units of the tolerance) of mass, energy, mean wall temperatures and
 zone length."""
 MAX_SHAPE_ERROR = 3.0e4
