@@ -52,7 +52,10 @@ class PlantNode(NodeShell):
         self._tick_ns = round(self._sample_time_s * 1e9)
         self._last_tick: int = self.value("ticks") - 1
         self._first_ns = 0
+        self._tick = 0
+        self._finished = False
         self._commanded_tick = -1
+        self._published_s.clear()
         if not self._realtime:
             self.add_output(Topic("clock", CLOCK, PLANT), "/clock")
         self.on_tick(("actuator/command", "scenario/air", "scenario/air_inlet_temperature"), self._commanded)
@@ -62,11 +65,19 @@ class PlantNode(NodeShell):
         self.soon(self._begin)
 
     def _begin(self) -> None:
-        self._started_s = time.monotonic()
+        paused = self._tick in self._published_s or self._commanded_tick >= 0
+        if not paused:
+            self._started_s = time.monotonic()
         if self._realtime:
-            self._first_ns = time.time_ns()
-            self.deadline_s = self._started_s + self._sample_time_s
-        self._publish()
+            now_ns = time.time_ns()
+            due_ns = self._first_ns + self._tick * self._tick_ns
+            # After a pause the stamps go on by whole ticks.
+            self._first_ns = self._first_ns - (due_ns - now_ns) // self._tick_ns * self._tick_ns if paused else now_ns
+            self.deadline_s = time.monotonic() + self._sample_time_s
+        if paused:
+            self._advance()  # the command of the tick in which it was stopped is gone: the one before stays on
+        else:
+            self._publish()
 
     def stopped(self) -> None:
         """Let the clock run on without us."""
@@ -86,8 +97,8 @@ class PlantNode(NodeShell):
 
     def _commanded(self, time_ns: int, *values: float) -> None:
         """Hold the inputs of a tick from now on; in lockstep the tick is over with that."""
-        tick = (time_ns - self._first_ns) // self._tick_ns
-        if tick not in self._published_s or self._finished:
+        tick, rest = divmod(time_ns - self._first_ns, self._tick_ns)
+        if rest or tick not in self._published_s or self._finished:
             return
         self._held[:] = values
         self._commanded_tick = tick

@@ -95,10 +95,10 @@ def read_bag(bag: Path | str) -> Recording:
     stamps = {name: stamps_ns(found) for name, found in messages.items()}
     every = [times for times in stamps.values() if len(times)]
     first = min((int(times.min()) for times in every), default=0)
-    ticks = max((int(times.max()) - first for times in every), default=-tick_ns) // tick_ns + 1
+    rows = {name: np.rint((times - first) / tick_ns).astype(np.int64) for name, times in stamps.items()}
+    ticks = max((int(found.max()) for found in rows.values() if len(found)), default=-1) + 1
     recording = Recording(time_s=np.arange(ticks) * tick_ns / 1e9, series={})
     for name, topic in BY_NAME.items():
-        rows = np.rint((stamps[name] - first) / tick_ns).astype(np.int64)
         if topic.type == DIAGNOSTICS:
             recording.status = [
                 status_row(read_diagnostics(data)[0].values, (stamp_ns(data) - first) / 1e9) for data in messages[name]
@@ -106,7 +106,7 @@ def read_bag(bag: Path | str) -> Recording:
             continue
         for key, column in zip(topic.series, columns(topic, messages[name]), strict=True):
             recording.series[key] = np.full(ticks, math.nan)
-            recording.series[key][rows] = column
+            recording.series[key][rows[name]] = column
     health = _last_health(raw, PLANT)
     recording.metadata = {**raw.run, "complete": raw.complete and ticks == raw.run.get("ticks")}
     if "wall_seconds" in health:

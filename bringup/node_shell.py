@@ -160,6 +160,7 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         self.inputs = LoopInputs(self._reject)
         self.loop_subscriptions = Subscriptions(self.context, False, self.inputs.take)
         self._senders: dict[str, tuple[Publisher, Packer]] = {}
+        self._subscribed: list[Subscription] = []
         self._diagnostics = self._publisher(DiagnosticArray, "/diagnostics", PLAIN_QOS)
         self._health_timer = self.create_timer(HEALTH_PERIOD_S, self.report_health)
 
@@ -222,7 +223,10 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
     def subscribe(self, type_name: str, name: str, qos: QoSProfile, raw: bool = False) -> Subscription:
         """Create a subscription that the executor leaves alone, for `Subscriptions` to take from."""
         group = Gate(is_open=False)
-        return self.create_subscription(message_class(type_name), name, _nothing, qos, callback_group=group, raw=raw)
+        kind = message_class(type_name)
+        subscription = self.create_subscription(kind, name, _nothing, qos, callback_group=group, raw=raw)
+        self._subscribed.append(subscription)
+        return subscription
 
     def send(self, time_ns: int, topic: str, *values: Any) -> None:
         """Publish the values of one topic, stamped."""
@@ -230,7 +234,9 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         publisher.publish(pack(time_ns, values))
 
     def add_output(self, topic: Topic, name: str | None = None) -> None:
-        """Create the publisher of a topic that is not in the table under this node's name."""
+        """Create the publisher of a topic, once; `name` where it differs from the topic's own."""
+        if topic.name in self._senders:
+            return
         qos = LOOP_QOS if name is None else PLAIN_QOS
         publisher = self._publisher(message_class(topic.type), name or topic.name, qos)
         self._senders[topic.name] = (publisher, packer(topic))
@@ -244,6 +250,10 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Act on inputs from now on."""
         return self._transition(super().on_activate, state, self._start)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Forget inputs and pure object; the next configuration makes new ones."""
+        return self._transition(super().on_cleanup, state, self._forget)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Leave inputs alone from now on."""
@@ -263,11 +273,17 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         return inherited(state)
 
     def _create(self) -> None:
-        if not self._senders:
-            for topic in TOPICS:
-                if topic.publisher == self.get_name():
-                    self.add_output(topic)
+        for topic in TOPICS:
+            if topic.publisher == self.get_name():
+                self.add_output(topic)
         self.configure()
+        self.soon(self.report_health)
+
+    def _forget(self) -> None:
+        self.inputs = LoopInputs(self._reject)
+        self.loop_subscriptions = Subscriptions(self.context, False, self.inputs.take)
+        while self._subscribed:
+            self.destroy_subscription(self._subscribed.pop())
         self.soon(self.report_health)
 
     def _start(self) -> None:

@@ -53,6 +53,9 @@ class BagWriter:
     def __init__(self, folder: Path, topics: Sequence[RecordedTopic], run: Mapping[str, Any]) -> None:
         self.folder = folder
         folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.glob("*.mcap")):
+            msg = f"{folder}: holds a bag already"
+            raise ValueError(msg)
         self._file = folder / f"{folder.name}_0.mcap"
         self._topics = list(topics)
         self._run = json.dumps(run)

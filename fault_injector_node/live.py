@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-PROFILES = ("step", "ramp", "sine", "drift", "intermittent", "random_walk")
+from bringup.profiles import PROFILES
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,10 @@ from rclpy.parameter import Parameter as RosParameter
 from std_srvs.srv import SetBool
 
 from bringup.node_shell import SAMPLE_TIME, NodeShell, Parameter, run_node
+from bringup.profiles import PROFILES
 from bringup.topics import FAULTS, INJECTOR
 from fault_injector_node.injector import FaultInjector
-from fault_injector_node.live import PROFILES, LiveFault, Shape
+from fault_injector_node.live import LiveFault, Shape
 
 _SIZES = {
     "compressor_speed": ("size_rad_s", "rad/s", 110.0),

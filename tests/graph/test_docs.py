@@ -6,8 +6,8 @@ from pathlib import Path
 
 from bringup.graph import MODULES
 from bringup.node_shell import Parameter
+from bringup.profiles import PROFILES
 from bringup.topics import BY_NAME
-from fault_injector_node.live import PROFILES
 from fault_injector_node.node import PARAMETERS
 
 TEXT = (Path(__file__).parents[2] / "docs" / "ros2.md").read_text(encoding="utf-8")

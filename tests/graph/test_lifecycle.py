@@ -2,13 +2,17 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+from conftest import Operator
 from lifecycle_msgs.msg import Transition
 
+from bringup.bag import read_bag
 from bringup.cdr import packer
 from bringup.feeder import Feeder
-from bringup.graph import MODULES, node_arguments
+from bringup.graph import MODULES, node_arguments, run_graph
 from bringup.processes import ros_environment, start, stop
+from bringup.scenario import load
 from bringup.supervisor import Supervisor
 from bringup.topics import BY_NAME, CONTROLLER, TOPICS, Topic
 
@@ -46,5 +50,29 @@ def test_controller_acts_only_while_it_is_active(tmp_path: Path) -> None:
             feeder.publish(tick(3))
             assert command_of(feeder, 3) is not None
             assert feeder.got == {}  # nothing late for tick 2
+            supervisor.change([CONTROLLER], Transition.TRANSITION_DEACTIVATE, "inactive")
+            supervisor.change([CONTROLLER], Transition.TRANSITION_CLEANUP, "unconfigured")
+            supervisor.connect([CONTROLLER], feeder.is_matched)
+            supervisor.activate([CONTROLLER])
+            feeder.publish(tick(0))  # a new life: time may begin anew
+            assert command_of(feeder, 0) is not None
     finally:
         stop([child])
+
+
+def test_plant_goes_on_after_a_pause(tmp_path: Path) -> None:
+    """Deactivated and activated again, as from `ros2 lifecycle`, the loop takes up where it was."""
+    paused: list[int] = []
+
+    def pause(done: int, _ticks: int) -> None:
+        if done > 0 and not paused:
+            paused.append(done)
+            with Operator() as operator:
+                operator.change("ac_plant", Transition.TRANSITION_DEACTIVATE)
+                operator.change("ac_plant", Transition.TRANSITION_ACTIVATE)
+
+    run = run_graph(load("nominal", ["duration_s=5"]), tmp_path, mode="realtime", progress=pause)
+    assert paused
+    recording = read_bag(run.bag)
+    assert len(recording.time_s) >= 50
+    np.testing.assert_allclose(recording.series["plant/superheat"][-1], 20.0, atol=0.01)

@@ -1,18 +1,13 @@
 """Faults that are started and stopped while the loop runs: their shapes, and their way through a running graph."""
 
-import os
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import rclpy
+from conftest import Operator
 from hypothesis import given
 from hypothesis import strategies as st
-from rcl_interfaces.srv import SetParameters
-from rclpy.parameter import Parameter
-from std_srvs.srv import SetBool
 
 from bringup.bag import read_bag
 from bringup.graph import run_graph
@@ -60,46 +55,6 @@ def test_live_fault_has_the_shape_of_a_scheduled_one(
 def test_unknown_profile_is_refused() -> None:
     with pytest.raises(ValueError, match="allowed: step, ramp"):
         LiveFault(0.1).start(Shape("stepp", 1.0))
-
-
-class Operator:
-    """Someone with the `ros2` command: a ROS context of its own beside the running graph."""
-
-    def __init__(self) -> None:
-        self._context = rclpy.Context()
-        rclpy.init(context=self._context, args=[])
-        self._node = rclpy.create_node("operator", context=self._context)
-        self._executor = rclpy.executors.SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
-
-    def call(self, type_: Any, name: str, request: Any) -> Any:
-        client = self._node.create_client(type_, name)
-        assert client.wait_for_service(timeout_sec=10)
-        future = client.call_async(request)
-        self._executor.spin_until_future_complete(future, timeout_sec=10)
-        assert future.done(), f"{name} did not answer"
-        return future.result()
-
-    def set(self, **values: Any) -> list[Any]:
-        parameters = [Parameter(name.replace("__", "."), value=value) for name, value in values.items()]
-        request = SetParameters.Request(parameters=[parameter.to_parameter_msg() for parameter in parameters])
-        return list(self.call(SetParameters, "/ac/fault_injector/set_parameters", request).results)
-
-    def switch(self, fault: str, on: bool) -> Any:
-        return self.call(SetBool, f"/ac/fault_injector/{fault}", SetBool.Request(data=on))
-
-    def close(self) -> None:
-        self._executor.shutdown()
-        self._node.destroy_node()
-        self._context.try_shutdown()
-
-
-@pytest.fixture
-def operator() -> Iterator[Operator]:
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    someone = Operator()
-    yield someone
-    someone.close()
 
 
 @pytest.mark.ros
