@@ -3,6 +3,8 @@
 A difference is a change of behaviour. When it is wanted: ``python tests/graph/update_references.py``.
 """
 
+import platform
+
 import pytest
 from update_references import REFERENCE, SCENARIO
 
@@ -24,3 +26,12 @@ def test_reference_exercises_detection_and_accommodation() -> None:
     assert recording.metadata["scenario"] == load(SCENARIO).model_dump(mode="json")
     assert recording.status[-1].isolated == "compressor_speed"
     assert abs(recording.series["compensator/q:compressor"][-1]) > 0.0
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="the switches below are those of x86-64")
+def test_another_processor_rounds_within_the_tolerance(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OPENBLAS_CORETYPE", "Prescott")  # 2004: no AVX, no fused multiply-add
+    monkeypatch.setenv("NPY_DISABLE_CPU_FEATURES", "AVX2,FMA3")
+    for node in ("fdi", "compensator", "gimc_controller"):
+        result = replay(REFERENCE, node)
+        assert result.same, result.differences
