@@ -12,6 +12,7 @@ COMPILED_SOURCES = (
     "tables.py",
     "parameters.py",
     "lookup.py",
+    "zones.py",
     "model.py",
     "integrator.py",
 )

@@ -6,19 +6,34 @@ reports a pressure that *stays* outside.
 """
 
 import math
+from typing import NamedTuple
 
 from ac_plant_node.compiled import jit
 
 
+class Saturation(NamedTuple):
+    """The saturation line at one pressure: liquid f and vapour g, and slopes over pressure (SI)."""
+
+    t: float
+    h_f: float
+    h_g: float
+    rho_f: float
+    rho_g: float
+    s_f: float
+    s_g: float
+    t_p: float
+    h_f_p: float
+    h_g_p: float
+    rho_f_p: float
+    rho_g_p: float
+    s_f_p: float
+    s_g_p: float
+    ln_p: float
+
+
 @jit
 def saturation(tab, p):  # type: ignore[no-untyped-def]
-    """Saturation line at pressure `p`.
-
-    Returns
-    -------
-    tuple of 15 floats
-        T, h_f, h_g, rho_f, rho_g, s_f, s_g, then the derivatives of these seven with respect to p, then ln p.
-    """
+    """Saturation line at pressure `p`, as `Saturation`."""
     sat = tab.sat
     lnp = math.log(p)
     x = (lnp - tab.grid[0]) * tab.grid[1]
@@ -40,7 +55,7 @@ def saturation(tab, p):  # type: ignore[no-untyped-def]
     r_g_p = (c[4, 1] + t * (2.0 * c[4, 2] + t * 3.0 * c[4, 3])) * inv_p
     s_f_p = (c[5, 1] + t * (2.0 * c[5, 2] + t * 3.0 * c[5, 3])) * inv_p
     s_g_p = (c[6, 1] + t * (2.0 * c[6, 2] + t * 3.0 * c[6, 3])) * inv_p
-    return temp, h_f, h_g, r_f, r_g, s_f, s_g, temp_p, h_f_p, h_g_p, r_f_p, r_g_p, s_f_p, s_g_p, lnp
+    return Saturation(temp, h_f, h_g, r_f, r_g, s_f, s_g, temp_p, h_f_p, h_g_p, r_f_p, r_g_p, s_f_p, s_g_p, lnp)
 
 
 @jit

@@ -12,7 +12,8 @@ import CoolProp
 import numpy as np
 from numpy.typing import NDArray
 
-from ac_plant_node import model
+from ac_plant_node import model, zones
+from ac_plant_node.lookup import Saturation
 from ac_plant_node.parameters import Parameters, load_parameters
 from ac_plant_node.tables import Tables, load_tables
 
@@ -29,8 +30,8 @@ class CoolPropModel:
     def __init__(self, parameters: Parameters | None = None) -> None:
         self.parameters = parameters or load_parameters()
         self.tab: Tables = load_tables(self.parameters.refrigerant)  # only its pressure limits are read
-        space: dict[str, Any] = dict(vars(model))
-        for name, value in vars(model).items():
+        space: dict[str, Any] = {**vars(zones), **vars(model)}
+        for name, value in list(space.items()):
             if hasattr(value, "py_func"):
                 space[name] = FunctionType(value.py_func.__code__, space, name)
         space.update(coolprop_lookups(self.parameters.refrigerant))
@@ -54,14 +55,15 @@ def coolprop_lookups(refrigerant: str) -> dict[str, Any]:
     fluid = CoolProp.AbstractState("HEOS", refrigerant)
     i_t, i_h, i_d, i_s, i_p = CoolProp.iT, CoolProp.iHmass, CoolProp.iDmass, CoolProp.iSmass, CoolProp.iP
 
-    def saturation(_tab: Tables, p: float) -> tuple[float, ...]:
+    def saturation(_tab: Tables, p: float) -> Saturation:
         fluid.update(CoolProp.PQ_INPUTS, p, 0.0)
         t, h_f, r_f, s_f = fluid.T(), fluid.hmass(), fluid.rhomass(), fluid.smass()
         f_p = [fluid.first_saturation_deriv(of, i_p) for of in (i_t, i_h, i_d, i_s)]
         fluid.update(CoolProp.PQ_INPUTS, p, 1.0)
         h_g, r_g, s_g = fluid.hmass(), fluid.rhomass(), fluid.smass()
         g_p = [fluid.first_saturation_deriv(of, i_p) for of in (i_h, i_d, i_s)]
-        return t, h_f, h_g, r_f, r_g, s_f, s_g, f_p[0], f_p[1], g_p[0], f_p[2], g_p[1], f_p[3], g_p[2], float(np.log(p))
+        ln_p = float(np.log(p))
+        return Saturation(t, h_f, h_g, r_f, r_g, s_f, s_g, f_p[0], f_p[1], g_p[0], f_p[2], g_p[1], f_p[3], g_p[2], ln_p)
 
     def single_phase(p: float, h: float, edge: float, quality: float) -> tuple[float, float, float, float]:
         if abs(h - edge) < 1.0e-6:
