@@ -22,7 +22,7 @@ from fdi_node.design_model import (
     to_si,
 )
 from fdi_node.design_report import BlockReport
-from fdi_node.thresholds import noise_thresholds, residual_covariances
+from fdi_node.thresholds import noise_thresholds, residual_covariances, step_peaks
 from fdi_node.weights import FdiWeights, MeasurementNoise
 from gimc.coprime import filter_gain
 from gimc.interconnect import Abcd, add, block_diagonal, inverse, scale, series, stack_inputs, state_space
@@ -33,6 +33,9 @@ from gimc.sampled import discretise, sampled_observer
 from gimc.structure import FaultySystem, disturbance_factor, fault_factor
 
 Matrix = NDArray[np.float64]
+
+STEP_LENGTH_S = 100.0
+"""How long after a step of the air flow its trace in the residuals is looked for; the plant settles within 60 s."""
 
 RANK_NOISE = 1e-5
 """White noise on every measurement, in design units, so small that it only keeps the problem regular."""
@@ -94,7 +97,12 @@ def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
     # f_e = -(N~d d + N~f f): the residual r = H f_e takes the minimiser with its sign changed.
     H = discretise(to_si(-reduced.system, OUTPUT_UNIT, FAULT_UNIT), sample_time_s)
     a, b, c = sampled_innovation(model, weights, sample_time_s)
-    covariance, shifted = residual_covariances((a, b[:, 3:], c), (H.A, H.B, H.C, H.D), np.array(weights.sensor_noise))
+    observer, filter_ = (a, b[:, 3:], c), (H.A, H.B, H.C, H.D)
+    covariance, shifted = residual_covariances(observer, filter_, np.array(weights.sensor_noise))
+    noise = noise_thresholds(covariance, shifted, sample_time_s, weights.false_alarms_per_hour)
+    air = discretise(control.ss(system.A, system.E1, system.C, system.E2), sample_time_s, "zoh")
+    plant = (air.A, weights.air_flow_step * air.B[:, 0], air.C * OUTPUT_UNIT[:, None])
+    air_peaks = step_peaks(plant, observer, filter_, round(STEP_LENGTH_S / sample_time_s))
     rest = operating_point(point)
     report = BlockReport(
         block="H",
@@ -119,7 +127,7 @@ def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
         "h_d": H.D,
         "input_rest": np.array([*rest.inputs[:2], rest.inputs[3]]),
         "output_rest": np.array(rest.outputs[:3]),
-        "thresholds": noise_thresholds(covariance, shifted, sample_time_s, weights.false_alarms_per_hour),
+        "thresholds": noise + air_peaks,
         "sample_time_s": np.array(sample_time_s),
         "L": L,
         "report": report.to_array(),

@@ -1,4 +1,4 @@
-"""Detection thresholds from the sensors' noise: how far noise alone takes a residual, and how often."""
+"""Detection thresholds: how far noise alone takes a residual, how often, and how far a change of the air flow does."""
 
 import math
 
@@ -57,3 +57,35 @@ def noise_thresholds(covariance: Matrix, shifted: Matrix, sample_time_s: float, 
     crossings = np.arccos(correlation) / (2.0 * math.pi * sample_time_s)
     ratio = 2.0 * crossings * 3600.0 / alarms_per_hour
     return np.asarray(sigma * np.sqrt(2.0 * np.log(np.maximum(ratio, math.e))))
+
+
+def step_peaks(
+    plant: tuple[Matrix, Matrix, Matrix],
+    observer: tuple[Matrix, Matrix, Matrix],
+    filter_: tuple[Matrix, Matrix, Matrix, Matrix],
+    ticks: int,
+) -> Matrix:
+    """Largest residuals after a unit step of an unknown input.
+
+    Parameters
+    ----------
+    plant : (A, b, C)
+        Sampled plant: `x+ = A x + b`, `y = C x`; shapes (n, n), (n,), (p, n).
+    observer, filter_
+        As in `residual_covariances`.
+    ticks : int
+        How long to look.
+
+    Returns
+    -------
+    ndarray, shape (nr,)
+    """
+    (A, step, C), (a, b, c), (ha, hb, hc, hd) = plant, observer, filter_
+    x, xi, eta = np.zeros(len(A)), np.zeros(len(a)), np.zeros(len(ha))
+    peaks = np.zeros(len(hc))
+    for _ in range(ticks):
+        y = C @ x
+        innovation = c @ xi - y
+        peaks = np.maximum(peaks, np.abs(hc @ eta + hd @ innovation))
+        x, xi, eta = A @ x + step, a @ xi + b @ y, ha @ eta + hb @ innovation
+    return peaks

@@ -48,6 +48,8 @@ class FdiWeights:
         What the sensors of p_e [Pa], SH [K], T_w [K] really have (rms at the sampling instants), for the thresholds.
     false_alarms_per_hour : float
         How often noise alone may take a residual over its threshold.
+    air_flow_step : float
+        Step of the air flow that must not be taken for a fault (1: a tenth of the operating point's flow).
     reduction : float
         Hankel singular values below this part of the largest are left out of H.
     """
@@ -60,4 +62,5 @@ class FdiWeights:
     process_noise: float = 0.1
     sensor_noise: tuple[float, float, float] = (200.0, 0.1, 0.05)
     false_alarms_per_hour: float = 1e-3
+    air_flow_step: float = 1.0
     reduction: float = 1e-3

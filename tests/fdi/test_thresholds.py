@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fdi_node.thresholds import noise_thresholds, residual_covariances
+from fdi_node.thresholds import noise_thresholds, residual_covariances, step_peaks
 
 OBSERVER = (np.diag([0.9, 0.7]), np.array([[0.1, 0.0], [0.05, 0.3]]), np.array([[1.0, 0.2], [0.0, 0.5]]))
 FILTER = (np.array([[0.98]]), np.array([[0.02, 0.01]]), np.array([[1.0]]), np.array([[0.001, 0.0]]))
@@ -37,3 +37,12 @@ def test_fewer_alarms_ask_for_a_higher_threshold() -> None:
     covariance, shifted = residual_covariances(OBSERVER, FILTER, NOISE)
     high, low = (noise_thresholds(covariance, shifted, 0.1, rate)[0] for rate in (1e-3, 1.0))
     assert high > low > 3.0 * np.sqrt(covariance[0, 0])
+
+
+def test_step_peak_of_a_chain_known_in_closed_form() -> None:
+    """A plant `y = 2 (1 - 0.5^k)`, an observer that sees nothing, a filter that halves: the peak is the end value, 1."""
+    plant = (np.array([[0.5]]), np.array([1.0]), np.array([[1.0]]))
+    blind = (np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1)))
+    halving = (np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1)), np.array([[0.5]]))
+    assert step_peaks(plant, blind, halving, 100) == pytest.approx([1.0])
+    assert step_peaks(plant, blind, halving, 2) == pytest.approx([0.5])  # y = 0, then 1
