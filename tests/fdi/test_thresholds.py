@@ -40,7 +40,7 @@ def test_fewer_alarms_ask_for_a_higher_threshold() -> None:
 
 
 def test_step_peak_of_a_chain_known_in_closed_form() -> None:
-    """A plant `y = 2 (1 - 0.5^k)`, an observer that sees nothing, a filter that halves: the peak is the end value, 1."""
+    """A plant `y = 2 (1 - 0.5^k)`, a blind observer, a filter that halves: the peak is the end value, 1."""
     plant = (np.array([[0.5]]), np.array([1.0]), np.array([[1.0]]))
     blind = (np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1)))
     halving = (np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1)), np.array([[0.5]]))
