@@ -77,7 +77,7 @@ def make_environment() -> None:
     call(
         [uv, "venv", "--quiet", "--clear", "--python", "3.12", str(VENV)],
         "no CPython 3.12 was found or could be fetched",
-        "install it (Debian 13: apt install python3.12; or pyenv install 3.12, or uv python install 3.12)",
+        "install it (Ubuntu 24.04: apt install python3.12; elsewhere: pyenv install 3.12, or uv python install 3.12)",
     )
     pip = [uv, "pip", "install", "--quiet", "--python", str(VENV / "bin" / "python")]
     remedy = "see the lines above; a network or disk problem is the usual cause"
