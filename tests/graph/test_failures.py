@@ -123,6 +123,21 @@ def test_folder_that_cannot_be_written(scenario: Scenario, tmp_path: Path) -> No
         run_graph(scenario, tmp_path / "file" / "out")
 
 
+def test_two_runs_at_once_get_domains_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("ROS_DOMAIN_ID")
+    first, second = Domain(), Domain()
+    first.release()
+    second.release()
+    assert first.number != second.number
+
+
+@pytest.mark.parametrize("number", ["233", "-1", "zero"])
+def test_domain_that_cannot_be_is_refused(number: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", number)
+    with pytest.raises(BringupError, match="allowed: 0 to 232"):
+        Domain()
+
+
 def test_domain_in_use_is_refused(scenario: Scenario, tmp_path: Path) -> None:
     mine = Domain()
     try:
