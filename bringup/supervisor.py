@@ -35,10 +35,18 @@ class Supervisor:
         self._children = dict(children)
         self.health: dict[str, dict[str, str]] = {}
         self._replies: dict[tuple[str, int], Any] = {}
-        os.environ.update(environment)
+        # The middleware reads its settings from this process's environment; the domain is given to it directly, so that
+        # the next run in this process is free to choose again.
+        domain = environment.get("ROS_DOMAIN_ID")
+        os.environ.update({name: value for name, value in environment.items() if name != "ROS_DOMAIN_ID"})
         self._context = rclpy.Context()
         # Signals stay Python's: bringup must not lose its middleware before it has stopped the nodes.
-        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO, args=[])
+        rclpy.init(
+            context=self._context,
+            signal_handler_options=SignalHandlerOptions.NO,
+            args=[],
+            domain_id=None if domain is None else int(domain),
+        )
         self.node = rclpy.create_node(
             "bringup", namespace=NAMESPACE, context=self._context, start_parameter_services=False, enable_rosout=False
         )
