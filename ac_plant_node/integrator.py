@@ -29,6 +29,8 @@ depend on it."""
 MAX_ERROR = 3000.0
 """No step is accepted above this error estimate (in units of the tolerance) of mass, energy, mean wall temperatures and
 zone length."""
+MAX_JUMP_J_KG = 2.0e4
+"""Largest change of an outlet's enthalpy in such a step."""
 MAX_SHAPE_ERROR = 3.0e4
 """The same for outlet enthalpies and differences of wall temperatures. They carry nothing that is conserved, and jump
 where their zone appears or vanishes."""
@@ -198,7 +200,9 @@ def _advance_once(y0, y1, f0, f1, jac, lu, u, trial, s, pivots, memory, charge, 
                 kept += e * e
             error, kept = np.sqrt(error / n), np.sqrt(kept / n)
             ok = error == error and _rate(y1, charge, w, par, tab, guess, z, s, f1, aux) == 0
-        if ok and (error <= 1.0 or (h <= MIN_STEP_S * 1.0001 and kept < MAX_ERROR)):
+        # A step accepted in spite of its error estimate must at least not throw the outlets' enthalpies about.
+        calm = abs(y1[2] - y0[2]) < MAX_JUMP_J_KG and abs(y1[8] - y0[8]) < MAX_JUMP_J_KG
+        if ok and (error <= 1.0 or (h <= MIN_STEP_S * 1.0001 and kept < MAX_ERROR and calm)):
             grow = 0.9 * max(error, 1.0e-4) ** (-1.0 / 3.0)
             limit = 1.0 if rejected else 5.0
             memory[H_LAST] = h
