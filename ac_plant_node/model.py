@@ -52,8 +52,8 @@ STATE_NAMES = (
 X = 0  # the public state, 12 numbers
 M_COMPRESSOR, M_VALVE, Q_EVAPORATOR, Q_AIR_E, Q_AIR_C, POWER = 12, 13, 14, 15, 16, 17
 H_DISCHARGE, SUPERHEAT, SUBCOOLING, REGIME_E, REGIME_C, ETA_V = 18, 19, 20, 21, 22, 23
-VOID_E, VOID_C, HEAT_IN, WALL_E2 = 24, 25, 26, 27
-N_AUX = 28
+VOID_E, VOID_C, HEAT_IN, WALL_E2, MASS, ENERGY = 24, 25, 26, 27, 28, 29
+N_AUX = 30
 
 # Parameter positions, as compile-time constants.
 _VE, _AE, _CE = INDEX["evaporator_volume_m3"], INDEX["evaporator_inner_area_m2"], INDEX["evaporator_wall_j_k"]
@@ -451,8 +451,39 @@ def _wall_rates(z, ev, co, heat, zeta_c3, own_e, own_c, s, par, ds):  # type: ig
 
 
 @jit
-def _write_results(aux, ev, co, suction, flow, heat, s):  # type: ignore[no-untyped-def]
-    """What others read: the public state x and the flows."""
+def _inventory(ev, co, zeta_c3, par):  # type: ignore[no-untyped-def]
+    """Refrigerant mass and internal energy summed over the zones: density by density, not from the state's M and U.
+
+    The two agree as far as the pressures have been solved, so this checks them.
+    """
+    if ev.regime == 1:
+        rho_e, e_e = _saturated(ev.sat, ev.void)
+    else:
+        rho_e = ev.zeta * ev.rho_1 + (1.0 - ev.zeta) * ev.rho_2
+        e_e = ev.zeta * ev.e_1 + (1.0 - ev.zeta) * ev.rho_2 * ev.h_2
+    if co.regime == 2:
+        rho_c, e_c = co.rho_rest, co.rho_rest * co.h_rest
+    else:
+        rho_c, e_c = co.zeta_1 * co.rho_1, co.zeta_1 * co.e_1
+        rho_2, e_2 = co.rho_2, co.e_2
+        if co.regime == 1:
+            rho_2, e_2 = _saturated(co.sat, co.void_rest)
+        rho_c += co.zeta_2 * rho_2 + zeta_c3 * co.rho_3
+        e_c += co.zeta_2 * e_2 + zeta_c3 * co.e_3
+    ve, vc = par[_VE], par[_VC]
+    return ve * rho_e + vc * rho_c, ve * (e_e - ev.p) + vc * (e_c - co.p)
+
+
+@jit
+def _saturated(sat, void):  # type: ignore[no-untyped-def]
+    """Density and volumetric enthalpy of saturated liquid and vapour at a void fraction."""
+    rho = sat.rho_f + void * (sat.rho_g - sat.rho_f)
+    return rho, sat.rho_f * sat.h_f + void * (sat.rho_g * sat.h_g - sat.rho_f * sat.h_f)
+
+
+@jit
+def _write_results(aux, ev, co, suction, flow, heat, zeta_c3, s, par):  # type: ignore[no-untyped-def]
+    """What others read: the public state x, flows, and what the zones hold."""
     aux[0], aux[1], aux[2], aux[3], aux[4] = ev.zeta, ev.p, s[2], heat.tw_e1, heat.tw_e2
     aux[5], aux[6], aux[7], aux[8] = co.zeta_1, co.zeta_2, co.p, s[8]
     aux[9], aux[10], aux[11] = heat.tw_c1, heat.tw_c2, heat.tw_c3
@@ -463,6 +494,7 @@ def _write_results(aux, ev, co, suction, flow, heat, s):  # type: ignore[no-unty
     aux[H_DISCHARGE], aux[SUPERHEAT], aux[SUBCOOLING] = co.h_d, suction.superheat, flow.subcooling
     aux[REGIME_E], aux[REGIME_C], aux[VOID_E], aux[VOID_C] = ev.regime, co.regime, ev.void, co.void_rest
     aux[WALL_E2] = heat.tw_e2 if ev.zeta < 1.0 else heat.tw_e1
+    aux[MASS], aux[ENERGY] = _inventory(ev, co, zeta_c3, par)
 
 
 @jit
@@ -512,7 +544,7 @@ def rhs(s, w, par, tab, guess, z, ds, aux):  # type: ignore[no-untyped-def]
     _descriptor(z, ev, co, suction, flow, heat, zeta_c3, own_e, own_c, (ds[0], ds[1], ds[5], ds[6]), s, par)
     ds[2], ds[7], ds[8] = z[2, 7], z[4, 7], z[6, 7]
     _wall_rates(z, ev, co, heat, zeta_c3, own_e, own_c, s, par, ds)
-    _write_results(aux, ev, co, suction, flow, heat, s)
+    _write_results(aux, ev, co, suction, flow, heat, zeta_c3, s, par)
     return max(failed_e, failed_c)
 
 

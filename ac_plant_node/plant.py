@@ -171,15 +171,15 @@ class Plant:
 
     @property
     def refrigerant_mass_kg(self) -> float:
-        """Refrigerant in both heat exchangers."""
-        return float(self._y[0] + (self._charge - self._y[0]))
+        """Refrigerant in both heat exchangers, summed over the zones from their densities."""
+        return float(self._aux[model.MASS])
 
     @property
     def stored_energy_j(self) -> float:
-        """Internal energy of the refrigerant and the walls."""
+        """Internal energy of the refrigerant, summed over the zones, and of the walls."""
         p = self._parameters
         return float(
-            self._y[1] + self._y[6] + p["evaporator_wall_j_k"] * self._y[3] + p["condenser_wall_j_k"] * self._y[9]
+            self._aux[model.ENERGY] + p["evaporator_wall_j_k"] * self._y[3] + p["condenser_wall_j_k"] * self._y[9]
         )
 
     @property

@@ -242,7 +242,7 @@ def condenser_at(p, rho, e, zeta_1, h_c3, s_1, h_1in, eta_s, tab):  # type: igno
         e_rest = body
     else:
         regime, void_rest = 2, 1.0
-        residual, slope, slope_rho, h_rest, _, _, _, t_2 = _vapour_body(sat, p, rho, e, tab)
+        residual, slope, slope_rho, h_rest, rho_rest, _, _, t_2 = _vapour_body(sat, p, rho, e, tab)
     return Condenser(
         p, residual, slope, slope_rho, regime, zeta_1, zeta_2, void_rest, void_full, rho_rest, e_rest, h_rest, sat,
         h_d, h_d_s, h_d_h, half_1, h_1, h_1_p, rho_1, rho_1_h, rho_1_p, e_1, e_1_p, t_1,
