@@ -1,0 +1,78 @@
+"""Parameter file and caches: what is wrong is said in one line, what is damaged is made again."""
+
+import re
+from importlib import resources
+
+import numpy as np
+import pytest
+
+from ac_plant_node import Parameters, load_parameters, parameters_fingerprint, tables
+from ac_plant_node.parameters import NAMES
+
+
+def shipped():
+    return resources.files("ac_plant_node").joinpath("parameters.yaml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("pattern", "replacement", "says"),
+    [
+        (r"value: 0\.50, unit: kg", "value: 50, unit: kg", r"charge_kg = 50 kg is outside 0\.1 to 2"),
+        (r"charge_kg:.*\n", "", "'charge_kg' is missing"),
+        (r"charge_kg: \{value: 0\.50", "charge_kg: {value: much", "charge_kg is not a number"),
+        (r"refrigerant: R134a", "refrigerant: R12", "'R12', allowed are R134a, R1234yf"),
+        (r"\Z", "colour: {value: 1}\n", "unknown parameter 'colour'"),
+        (r"charge_kg:.*\n", "charge_kg: 0.5\n", "charge_kg needs value, unit, low, high and reason"),
+        (r"\A", "][", "not valid YAML"),
+    ],
+)
+def test_a_bad_parameter_file_gets_one_line(tmp_path, pattern, replacement, says):
+    path = tmp_path / "plant.yaml"
+    path.write_text(re.sub(pattern, replacement, shipped(), count=1))
+    with pytest.raises(ValueError, match=says) as info:
+        load_parameters(path)
+    assert "\n" not in str(info.value)
+    assert "plant.yaml" in str(info.value)
+
+
+def test_missing_file(tmp_path):
+    with pytest.raises(ValueError, match=r"none\.yaml: cannot be read"):
+        load_parameters(tmp_path / "none.yaml")
+
+
+def test_every_parameter_changes_the_fingerprint():
+    base = load_parameters()
+    prints = {parameters_fingerprint(base.replace(**{name: 1.001 * base[name] + 1e-9})) for name in NAMES}
+    assert len(prints | {parameters_fingerprint(base)}) == len(NAMES) + 1
+    assert parameters_fingerprint(base.replace(refrigerant="R1234yf")) != parameters_fingerprint(base)
+    assert isinstance(base, Parameters)
+
+
+def test_a_damaged_table_cache_is_ignored_and_a_good_one_read_back(tmp_path):
+    good = tables.load_tables()
+    path = tmp_path / "sub" / "tables.npz"
+    tables._write(path, good)
+    back = tables._read(path)
+    assert all((a == b).all() for a, b in zip(back, good, strict=True))
+    assert [p.name for p in path.parent.iterdir()] == ["tables.npz"]
+    path.write_bytes(path.read_bytes()[:5000])
+    assert tables._read(path) is None
+    assert tables._read(tmp_path / "none.npz") is None
+
+
+def test_an_unwritable_cache_is_said_and_survived(tmp_path, capsys):
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    tables._write(blocked / "tables.npz", tables.load_tables())
+    assert "not cached" in capsys.readouterr().err
+
+
+def test_tables_of_an_unknown_refrigerant():
+    with pytest.raises(ValueError, match="unknown refrigerant 'R12': allowed are R134a, R1234yf"):
+        tables.load_tables("R12")
+
+
+def test_arrays_are_read_only():
+    with pytest.raises(ValueError, match="read-only"):
+        load_parameters().array[0] = 1.0
+    assert np.isfinite(load_parameters().array).all()
