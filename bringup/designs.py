@@ -15,14 +15,17 @@ from bringup.topics import COMPENSATOR, CONTROLLER, FDI
 ATTACHMENT = "design/{}.npz"
 
 
-def design_of(node: str, point: str, sample_time_s: float, sensors: int = 3) -> Any:
-    """Design that a node uses at an operating point, from the cache or made now; `sensors` is the detector's."""
+def design_of(node: str, point: str, sample_time_s: float, sensors: int = 3, superheat: Any = "direct") -> Any:
+    """Design that a node uses at an operating point, from the cache or made now.
+
+    `sensors` is the detector's; `superheat` how the superheat is measured, "direct" or "derived".
+    """
     import fdi_node
     import gimc_controller_node
 
     makers: dict[str, Callable[..., Any]] = {
-        FDI: partial(fdi_node.design, sensors=sensors),
-        COMPENSATOR: gimc_controller_node.design_compensator,
+        FDI: partial(fdi_node.design, sensors=sensors, superheat=superheat),
+        COMPENSATOR: partial(gimc_controller_node.design_compensator, fdi=fdi_node.FdiWeights(superheat=superheat)),
         CONTROLLER: gimc_controller_node.design_controller,
     }
     return makers[node](point, sample_time_s)

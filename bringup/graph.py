@@ -138,6 +138,7 @@ def _latencies(health: Mapping[str, str]) -> tuple[float, float, float]:
 def node_parameters(scenario: Scenario, out_dir: Path, mode: Mode, passive: bool) -> dict[str, dict[str, Any]]:
     """Parameters of every node for this run."""
     design = {"operating_point": scenario.operating_point, "sample_time_s": scenario.sample_time_s}
+    superheat = {"superheat_sensor": scenario.superheat_sensor}
     content = scenario.model_dump(mode="json")
     run = {
         "scenario": content,
@@ -158,9 +159,10 @@ def node_parameters(scenario: Scenario, out_dir: Path, mode: Mode, passive: bool
             "sample_time_s": scenario.sample_time_s,
             "noise_std": [float(std) for std in scenario.noise.std],
             "seed": scenario.noise.seed,
+            **superheat,
         },
-        FDI: {**design, **copies[FDI], "sensors": scenario.sensors},
-        COMPENSATOR: {**design, **copies[COMPENSATOR], "accommodate": not passive},
+        FDI: {**design, **copies[FDI], "sensors": scenario.sensors, **superheat},
+        COMPENSATOR: {**design, **copies[COMPENSATOR], **superheat, "accommodate": not passive},
         CONTROLLER: {**design, **copies[CONTROLLER]},
         SCENARIO: {"scenario": json.dumps(content)},
         RECORDER: {

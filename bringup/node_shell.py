@@ -101,6 +101,12 @@ PRIORITY = Parameter(
 )
 MODE = Parameter("mode", "lockstep", "what a tick waits for: loop or wall clock", choices=("lockstep", "realtime"))
 SAMPLE_TIME = Parameter("sample_time_s", 0.1, "sample time of the loop, s", low=0.01, high=0.1)
+SUPERHEAT_SENSOR = Parameter(
+    "superheat_sensor",
+    "direct",
+    "direct: superheat is measured; derived: from an outlet thermocouple and the measured pressure",
+    choices=("direct", "derived"),
+)
 
 
 DESIGN_FILE = Parameter("design_file", "", "file with a design of your own (.npz); empty: that of the operating point")

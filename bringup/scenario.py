@@ -160,6 +160,7 @@ class Scenario(_Part):
     sample_time_s: float = Field(default=DEFAULT_SAMPLE_TIME_S, ge=0.01, le=0.1)
     passive: bool = False
     sensors: Literal[2, 3] = 3
+    superheat_sensor: Literal["direct", "derived"] = "direct"
     references: References = References()
     air: Air = Air()
     faults: list[Fault] = []

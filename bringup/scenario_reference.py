@@ -35,6 +35,7 @@ MEANING = {
     "sample_time_s": "sample time of the loop",
     "passive": "true: K0 alone, the compensator stays silent",
     "sensors": "3: p_e, superheat and the wall thermocouple; 2: without the thermocouple",
+    "superheat_sensor": "direct: superheat is measured; derived: from an outlet thermocouple and the measured pressure",
     "references": "what the controller is to follow",
     "air": "the evaporator's air side",
     "faults": "a list of faults",

@@ -1,4 +1,8 @@
-"""Faults and noise between plant and loop: f_p and noise on the measurements, f_N on the command."""
+"""Faults and noise between plant and loop: f_p and noise on the measurements, f_N on the command.
+
+The superheat is measured by itself (the paper), or, as in a car, derived from an outlet thermocouple and the pressure
+that is *measured*: `SH = T_out - T_sat(p_e)`, so what is wrong with the pressure is wrong with the superheat as well.
+"""
 
 from collections.abc import Sequence
 
@@ -15,11 +19,29 @@ class FaultInjector:
     ----------
     noise_std : sequence of float, length 3
         Standard deviations of the Gaussian noise on evaporator pressure [Pa], superheat [K], wall temperature [K].
+        With a derived superheat, the second one is that of the thermocouple.
     seed : int
         Of the noise; the same seed gives the same noise.
+    superheat : str
+        "direct" or "derived".
+
+    Raises
+    ------
+    ValueError
+        For a negative noise, or another sensor of the superheat.
     """
 
-    def __init__(self, noise_std: Sequence[float] | Vector = (0.0, 0.0, 0.0), seed: int = 0) -> None:
+    def __init__(
+        self, noise_std: Sequence[float] | Vector = (0.0, 0.0, 0.0), seed: int = 0, superheat: str = "direct"
+    ) -> None:
+        if superheat not in ("direct", "derived"):
+            msg = f"superheat sensor {superheat!r}; allowed: direct or derived"
+            raise ValueError(msg)
+        self._derived = superheat == "derived"
+        if self._derived:
+            from ac_plant_node.saturation import saturation_temperature  # loads the property tables
+
+            self._saturation_temperature = saturation_temperature
         self._noise_std = np.asarray(noise_std, dtype=np.float64)
         if self._noise_std.shape != (3,) or not np.all(self._noise_std >= 0.0):
             msg = f"noise_std is {list(noise_std)}; allowed: three numbers, none negative"
@@ -44,6 +66,8 @@ class FaultInjector:
         """
         measured: Vector = actual + self._noise_std * self._random.standard_normal(3) if self._noisy else actual.copy()
         measured[0] += f_p
+        if self._derived:
+            measured[1] += self._saturation_temperature(actual[0]) - self._saturation_temperature(measured[0])
         return measured
 
     def actuate(self, command: Vector, f_n: float) -> Vector:

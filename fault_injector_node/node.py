@@ -12,7 +12,7 @@ import numpy as np
 from rclpy.parameter import Parameter as RosParameter
 from std_srvs.srv import SetBool
 
-from bringup.node_shell import SAMPLE_TIME, NodeShell, Parameter, run_node
+from bringup.node_shell import SAMPLE_TIME, SUPERHEAT_SENSOR, NodeShell, Parameter, run_node
 from bringup.profiles import PROFILES
 from bringup.topics import FAULTS, INJECTOR
 from fault_injector_node.injector import FaultInjector
@@ -39,6 +39,7 @@ def _live_parameters(fault: str) -> tuple[Parameter, ...]:
 
 PARAMETERS = (
     SAMPLE_TIME,
+    SUPERHEAT_SENSOR,
     Parameter("noise_std", [0.0, 0.0, 0.0], "standard deviation of the noise on p_e (Pa), superheat (K), T_w (K)"),
     Parameter("seed", 0, "seed of the noise", low=0, high=2**31 - 1),
     *(parameter for fault in FAULTS for parameter in _live_parameters(fault)),
@@ -58,7 +59,7 @@ class InjectorNode(NodeShell):
 
     def configure(self) -> None:
         """Make the injector."""
-        self._injector = FaultInjector(self.value("noise_std"), self.value("seed"))
+        self._injector = FaultInjector(self.value("noise_std"), self.value("seed"), self.value("superheat_sensor"))
         self._live = {fault: LiveFault(self.value("sample_time_s")) for fault in FAULTS}
         self._f_n: dict[int, float] = {}  # of ticks whose command has not come yet
         self._measured_ns = -1

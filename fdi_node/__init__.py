@@ -1,16 +1,33 @@
 """Fault detection and isolation: f_e = N~ u - M~ y, the residual r = H f_e, and what is concluded from it."""
 
+from dataclasses import replace
+
 from fdi_node.design_cache import cached_design
 from fdi_node.detector import FAULTS, Detection, FaultDetector, FdiDesign, Supervision
-from fdi_node.weights import FdiWeights
+from fdi_node.weights import FdiWeights, SuperheatSensor
 
 SYNTHESES = {2: ("fdi-two-sensors", "fdi_node.two_sensors"), 3: ("fdi", "fdi_node.synthesis")}
 """For each number of sensors: name in the cache, and the module that designs."""
 
-__all__ = ["FAULTS", "Detection", "FaultDetector", "FdiDesign", "FdiWeights", "Supervision", "design"]
+__all__ = [
+    "FAULTS",
+    "Detection",
+    "FaultDetector",
+    "FdiDesign",
+    "FdiWeights",
+    "SuperheatSensor",
+    "Supervision",
+    "design",
+]
 
 
-def design(point: str, sample_time_s: float, weights: FdiWeights | None = None, sensors: int = 3) -> FdiDesign:
+def design(
+    point: str,
+    sample_time_s: float,
+    weights: FdiWeights | None = None,
+    sensors: int = 3,
+    superheat: SuperheatSensor | None = None,
+) -> FdiDesign:
     """Observer, isolation filter and thresholds at an operating point.
 
     Parameters
@@ -22,13 +39,19 @@ def design(point: str, sample_time_s: float, weights: FdiWeights | None = None, 
     weights : FdiWeights, optional
     sensors : int
         3: p_e, superheat and the wall thermocouple. 2: without the thermocouple (the paper's E2 and E3).
+    superheat : "direct" or "derived", optional
+        How the superheat is measured; left out: as `weights` say.
 
     Raises
     ------
     ValueError
-        For an unknown operating point, a sample time out of range, or another number of sensors.
+        For an unknown operating point, a sample time out of range, another number of sensors, or another sensor of the
+        superheat.
     """
     if sensors not in SYNTHESES:
         raise ValueError(f"no isolation filter for {sensors} sensors; allowed: 2 or 3")
     name, synthesis = SYNTHESES[sensors]
-    return FdiDesign.from_arrays(cached_design(name, synthesis, point, sample_time_s, weights or FdiWeights()))
+    weights = weights or FdiWeights()
+    if superheat is not None:
+        weights = replace(weights, superheat=superheat)
+    return FdiDesign.from_arrays(cached_design(name, synthesis, point, sample_time_s, weights))

@@ -5,13 +5,16 @@ pascal as an engineer would. `to_si` takes a filter from there to SI units.
 """
 
 from dataclasses import dataclass
+from typing import get_args
 
 import control
 import numpy as np
 from numpy.typing import NDArray
 
 from ac_plant_node import linearize, operating_point
+from ac_plant_node.saturation import saturation_slope
 from bringup.units import KPA, RPM
+from fdi_node.weights import FdiWeights, SuperheatSensor
 from gimc.structure import FaultySystem
 
 Matrix = NDArray[np.float64]
@@ -50,16 +53,18 @@ class DesignModel:
     B_air: Matrix
 
 
-def design_model(point: str) -> DesignModel:
+def design_model(point: str, superheat: SuperheatSensor = "direct") -> DesignModel:
     """Linear plant at "low", "med" or "high", scaled to design units.
 
-    Superheat counts as measured directly (the paper's sensor model): f_p enters the reading of p_e alone.
+    With the superheat measured directly (the paper's sensor model) f_p enters the reading of p_e alone; derived from
+    the measured pressure, it enters the superheat's, too, by `-dT_sat/dp f_p`.
 
     Raises
     ------
     ValueError
-        For an unknown operating point.
+        For an unknown operating point or an unknown sensor of the superheat.
     """
+    readings = pressure_in_readings(point, superheat) * FAULT_UNIT[1] / OUTPUT_UNIT
     plant = linearize(point)
     air_flow = operating_point(point).inputs[2]
     unit_in = np.concatenate([COMMAND_UNIT, [AIR_FLOW_UNIT * air_flow, AIR_TEMPERATURE_UNIT]])
@@ -76,9 +81,24 @@ def design_model(point: str) -> DesignModel:
         E1=B[:, [2]],
         E2=np.zeros((3, 1)),
         F1=np.hstack([fault_speed, np.zeros_like(fault_speed)]),
-        F2=np.array([[0.0, FAULT_UNIT[1] / OUTPUT_UNIT[0]], [0.0, 0.0], [0.0, 0.0]]),
+        F2=np.column_stack([np.zeros(3), readings]),
     )
     return DesignModel(point, system, B[:, [3]])
+
+
+def pressure_in_readings(point: str, superheat: SuperheatSensor) -> Matrix:
+    """What one pascal too much in the reading of p_e adds to the readings of p_e [Pa], SH [K], T_w [K], shape (3,)."""
+    if superheat not in get_args(SuperheatSensor):
+        raise ValueError(f"superheat sensor {superheat!r}; allowed: {' or '.join(get_args(SuperheatSensor))}")
+    slope = saturation_slope(operating_point(point).outputs[0]) if superheat == "derived" else 0.0
+    return np.array([1.0, -slope, 0.0])
+
+
+def sensor_noise(point: str, weights: FdiWeights) -> Matrix:
+    """Standard deviations of the readings' noise as a matrix (3, 3), SI: noise of p_e enters a derived superheat."""
+    noise = np.diag(weights.sensor_noise)
+    noise[:, 0] = weights.sensor_noise[0] * pressure_in_readings(point, weights.superheat)
+    return noise
 
 
 def to_si(filter_: control.StateSpace, input_unit: Matrix, output_unit: Matrix) -> control.StateSpace:

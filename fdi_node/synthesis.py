@@ -19,6 +19,7 @@ from fdi_node.design_model import (
     OUTPUT_UNIT,
     DesignModel,
     design_model,
+    sensor_noise,
     to_si,
 )
 from fdi_node.design_report import BlockReport
@@ -84,7 +85,7 @@ def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
         The fields of `fdi_node.detector.FdiDesign`; `L`, the continuous observer gain in design units; `report`.
     """
     started = time.perf_counter()
-    model = design_model(point)
+    model = design_model(point, weights.superheat)
     system = model.system
     L = observer_gain(system, weights)
     disturbances, faults = innovation_factors(system, L, weights.noise)
@@ -98,7 +99,7 @@ def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
     H = discretise(to_si(-reduced.system, OUTPUT_UNIT, FAULT_UNIT), sample_time_s)
     a, b, c = sampled_innovation(model, weights, sample_time_s)
     observer, filter_ = (a, b[:, 3:], c), (H.A, H.B, H.C, H.D)
-    covariance, shifted = residual_covariances(observer, filter_, np.array(weights.sensor_noise))
+    covariance, shifted = residual_covariances(observer, filter_, sensor_noise(point, weights))
     noise = noise_thresholds(covariance, shifted, sample_time_s, weights.false_alarms_per_hour)
     air = discretise(control.ss(system.A, system.E1, system.C, system.E2), sample_time_s, "zoh")
     plant = (air.A, weights.air_flow_step * air.B[:, 0], air.C * OUTPUT_UNIT[:, None])

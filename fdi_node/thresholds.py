@@ -20,8 +20,8 @@ def residual_covariances(
         `xi+ = a xi + b y`, `f_e = c xi - y`; shapes (n, n), (n, p), (p, n).
     filter_ : (a, b, c, d)
         `eta+ = a eta + b f_e`, `r = c eta + d f_e`.
-    noise : ndarray, shape (p,)
-        Standard deviations of the measurements.
+    noise : ndarray, shape (p,) or (p, p)
+        Standard deviations of the measurements, or a factor S of their covariance `S S'`.
 
     Returns
     -------
@@ -32,8 +32,9 @@ def residual_covariances(
     ha, hb, hc, hd = filter_
     A = block_diag(a, ha)
     A[len(a) :, : len(a)] = hb @ c
-    B = np.vstack([b, -hb]) * noise
-    C, D = np.hstack([hd @ c, hc]), -hd * noise
+    factor = np.diag(noise) if noise.ndim == 1 else noise
+    B = np.vstack([b, -hb]) @ factor
+    C, D = np.hstack([hd @ c, hc]), -hd @ factor
     state = solve_discrete_lyapunov(A, B @ B.T)
     covariance = C @ state @ C.T + D @ D.T
     shifted = C @ (A @ state @ C.T + B @ D.T)

@@ -19,6 +19,7 @@ from fdi_node.design_model import (
     FAULT_UNIT,
     OUTPUT_UNIT,
     design_model,
+    sensor_noise,
     to_si,
 )
 from fdi_node.thresholds import noise_thresholds, residual_covariances
@@ -54,7 +55,7 @@ def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
         The fields of `fdi_node.detector.FdiDesign`; `gamma`, the norm reached without a disturbance; `lower_bound`,
         below which no filter gets once the air flow is unknown (a filter that gives nothing reaches 1).
     """
-    model = design_model(point)
+    model = design_model(point, weights.superheat)
     system = _two_outputs(model.system)
     noisy = PROCESS_NOISE * np.hstack([system.B, system.E1])
     noise = {"process": noisy @ noisy.T, "measurement": np.ones(SENSORS)}
@@ -78,7 +79,7 @@ def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
     )
     c = np.vstack([C * OUTPUT_UNIT[:SENSORS, None], np.zeros((1, len(A)))])
     h = (H.A, np.hstack([H.B, np.zeros((len(H.A), 1))]), H.C, np.hstack([H.D, np.zeros((len(H.C), 1))]))
-    covariance, shifted = residual_covariances((a, b[:, 3:], c), h, np.array(weights.sensor_noise))
+    covariance, shifted = residual_covariances((a, b[:, 3:], c), h, sensor_noise(point, weights))
     rest = operating_point(point)
     return {
         "a": a,

@@ -1,6 +1,10 @@
 """What the design of the observer and of the isolation filter is free to choose."""
 
 from dataclasses import dataclass
+from typing import Literal
+
+SuperheatSensor = Literal["direct", "derived"]
+"""Superheat measured by itself, or from an outlet thermocouple and the *measured* pressure: `T_out - T_sat(p_e)`."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,8 @@ class FdiWeights:
         Step of the air flow that must not be taken for a fault (1: a tenth of the operating point's flow).
     reduction : float
         Hankel singular values below this part of the largest are left out of H.
+    superheat : "direct" or "derived"
+        The superheat's sensor; derived, f_p and the noise of p_e enter both readings.
     """
 
     target_time_s: float = 10.0
@@ -64,3 +70,4 @@ class FdiWeights:
     false_alarms_per_hour: float = 1e-3
     air_flow_step: float = 1.0
     reduction: float = 1e-3
+    superheat: SuperheatSensor = "direct"
