@@ -128,12 +128,13 @@ def pack_status(time_ns: int, row: StatusRow) -> bytes:
     sink.number(1)
     sink.data += b"\x01" if row.detected else b"\x00"  # WARN, OK
     if row.isolated is not None:
-        text = f"fault isolated: {row.isolated}"
+        text = f"fault isolated: {row.isolated}" + (f", {row.also_isolated}" if row.also_isolated else "")
     else:
         text = "fault detected, not yet isolated" if row.detected else "no fault"
     values = {
         "detected": "true" if row.detected else "false",
         "isolated": row.isolated or "",
+        "also_isolated": row.also_isolated or "",
         "size": repr(float(row.size)),
         "onset_s": repr(float(row.onset_s)),
         "isolated_s": repr(float(row.isolated_s)),
@@ -260,9 +261,10 @@ def status_row(values: dict[str, str], time_s: float) -> StatusRow:
         When they are not what `pack_status` writes.
     """
     try:
-        isolated = values["isolated"] or None
-        if isolated is not None and isolated not in FAULTS:
-            raise ValueError(isolated)
+        isolated, also_isolated = (values[key] or None for key in ("isolated", "also_isolated"))
+        for named in (isolated, also_isolated):
+            if named is not None and named not in FAULTS:
+                raise ValueError(named)
         return StatusRow(
             time_s=time_s,
             detected={"true": True, "false": False}[values["detected"]],
@@ -271,6 +273,7 @@ def status_row(values: dict[str, str], time_s: float) -> StatusRow:
             onset_s=float(values["onset_s"]),
             isolated_s=float(values["isolated_s"]),
             thresholds=(float(values[f"threshold/{FAULTS[0]}"]), float(values[f"threshold/{FAULTS[1]}"])),
+            also_isolated=also_isolated,
         )
     except (KeyError, ValueError) as problem:
         msg = f"fdi/status: {type(problem).__name__} {problem}"

@@ -19,7 +19,7 @@ from bringup.scenario import Scenario, program
 from bringup.topics import SERIES
 
 if TYPE_CHECKING:
-    from fdi_node import FdiDesign
+    from fdi_node import FdiDesign, SuperheatSensor
     from gimc_controller_node import CompensatorDesign, ControllerDesign
 
 Progress = Callable[[int, int], None]
@@ -37,18 +37,20 @@ class Designs:
     compensator: "CompensatorDesign"
 
 
-def designs_at(point: str, sample_time_s: float, sensors: int = 3) -> Designs:
+def designs_at(point: str, sample_time_s: float, sensors: int = 3, superheat: "SuperheatSensor" = "direct") -> Designs:
     """Designs of an operating point, "low", "med" or "high", from the cache when they are there.
 
-    `sensors` is 3, or 2 for a detector without the wall thermocouple.
+    `sensors` is 3, or 2 for a detector without the wall thermocouple; `superheat` is how the superheat is measured.
     """
     import fdi_node
     import gimc_controller_node
 
     return Designs(
-        fdi=fdi_node.design(point, sample_time_s, sensors=sensors),
+        fdi=fdi_node.design(point, sample_time_s, sensors=sensors, superheat=superheat),
         controller=gimc_controller_node.design_controller(point, sample_time_s),
-        compensator=gimc_controller_node.design_compensator(point, sample_time_s),
+        compensator=gimc_controller_node.design_compensator(
+            point, sample_time_s, fdi=fdi_node.FdiWeights(superheat=superheat)
+        ),
     )
 
 
@@ -92,8 +94,9 @@ def simulate(
     rest = operating_point(point)
     plan = program(scenario, rest.inputs, rest.outputs)
     plant = Plant.at(point)
-    injector = FaultInjector(scenario.noise.std, scenario.noise.seed)
-    designs = designs_at(point, sample_time_s, scenario.sensors) if designs is None else designs
+    injector = FaultInjector(scenario.noise.std, scenario.noise.seed, scenario.superheat_sensor)
+    if designs is None:
+        designs = designs_at(point, sample_time_s, scenario.sensors, scenario.superheat_sensor)
     detector = FaultDetector(designs.fdi)
     compensator = Compensator(designs.compensator, accommodate=not passive)
     controller = Controller(designs.controller)
@@ -109,7 +112,7 @@ def simulate(
         air_inlet_temperature_c = inputs[3]
         measured = injector.measure(outputs[:3], f_p)
         found = detector.observe(plan.time_s[k], measured, air_inlet_temperature_c)
-        q = compensator.step(found.innovation, found.isolated)
+        q = compensator.step(found.innovation, found.isolated, found.also_isolated)
         command = controller.step(plan.reference[k], measured[:2], q)
         detector.commanded(command)
         actuator = injector.actuate(command, f_n)
@@ -131,6 +134,7 @@ def simulate(
                 onset_s=float(found.onset_s),
                 isolated_s=float(found.isolated_s),
                 thresholds=(float(found.thresholds[0]), float(found.thresholds[1])),
+                also_isolated=found.also_isolated,
             )
         )
 

@@ -21,6 +21,7 @@ class StatusRow:
     onset_s: float
     isolated_s: float
     thresholds: tuple[float, float]  # of the two residuals: rad/s, Pa
+    also_isolated: str | None = None  # with both faults isolated: the one before `isolated`
 
 
 @dataclass

@@ -5,7 +5,8 @@ The observer and the isolation filter are linear and run in deviations from the 
     f_e = N~ u - M~ y   (M~ = (A+LC, L, C, I), N~ = (A+LC, B+LD, C, D); u with the measured air inlet temperature)
     r   = H f_e         (low-passed estimates of f_N and f_p)
 
-The decision is a small state machine for each fault on `|r_i| / threshold_i`.
+The decision is a small state machine on `|r_i| / threshold_i`: a fault is isolated when its residual leads, and the
+other one, too, when its residual is then more than the first fault could make it.
 """
 
 import math
@@ -34,6 +35,13 @@ class Supervision:
         The leading residual must then lead this long before its fault counts as isolated.
     lead : float
         A residual leads when its ratio to its threshold is this many times the other's.
+    undecided_s : float
+        When none has led this long after the detection, both faults count as there, if
+    cross_talk : tuple of float
+        each residual's ratio is above this part of the other's: [f_p in r_N, f_N in r_p], more than one fault by itself
+        can bring into the other's residual. So it is for the second fault once the first is isolated, and
+    also_isolate_s : float
+        this long.
     clear_ratio : float
         A fault is over when its residual has been below this part of its threshold
     clear_s : float
@@ -43,6 +51,9 @@ class Supervision:
     confirm_s: float = 0.5
     isolate_s: float = 0.5
     lead: float = 1.5
+    undecided_s: float = 5.0
+    cross_talk: tuple[float, float] = (0.4, 0.1)
+    also_isolate_s: float = 0.5
     clear_ratio: float = 0.5
     clear_s: float = 20.0
 
@@ -101,13 +112,15 @@ class Detection:
         The residuals' detection thresholds, same units.
     detected : bool
     isolated : str or None
-        "compressor_speed" or "evaporator_pressure".
+        "compressor_speed" or "evaporator_pressure"; of two, the one that was isolated last.
     size : float
         Estimate of the isolated fault [rad/s or Pa]; nan when none is isolated.
     onset_s : float
         When the residual first left its threshold [s]; nan when nothing is detected.
     isolated_s : float
         When the fault was isolated [s]; nan when none is.
+    also_isolated : str or None
+        The fault that was isolated before, when it is still there.
     """
 
     innovation: Vector
@@ -116,6 +129,16 @@ class Detection:
     detected: bool
     isolated: str | None
     size: float
+    onset_s: float
+    isolated_s: float
+    also_isolated: str | None = None
+
+
+@dataclass(frozen=True)
+class _Isolated:
+    """A fault that is isolated: its index in `FAULTS`, since when it is there, when it was isolated."""
+
+    fault: int
     onset_s: float
     isolated_s: float
 
@@ -130,10 +153,11 @@ class FaultDetector:
         self._inputs = np.zeros(6)
         self._above_since = [math.nan, math.nan]
         self._leads_since = [math.nan, math.nan]
-        self._below_since = math.nan
+        self._own_since = [math.nan, math.nan]  # more than the other fault's cross-talk
+        self._below_since = [math.nan, math.nan]
         self._onset_s = math.nan
-        self._isolated: int | None = None
-        self._isolated_s = math.nan
+        self._detected_s = math.nan
+        self._isolated: list[_Isolated] = []
 
     def observe(self, time_s: float, measured: Vector, air_inlet_temperature_c: float) -> Detection:
         """Innovation, residual and decision of this tick.
@@ -158,16 +182,17 @@ class FaultDetector:
         self._inputs[2] = air_inlet_temperature_c - design.input_rest[2]
         self._inputs[3:] = deviation
         self._decide(time_s, [abs(float(r)) / float(t) for r, t in zip(residual, design.thresholds, strict=True)])
-        i = self._isolated
+        last = self._isolated[-1] if self._isolated else None
         return Detection(
             innovation=innovation,
             residual=residual,
             thresholds=design.thresholds,
             detected=not math.isnan(self._onset_s),
-            isolated=None if i is None else FAULTS[i],
-            size=math.nan if i is None else float(residual[i]),
-            onset_s=self._onset_s,
-            isolated_s=self._isolated_s,
+            isolated=None if last is None else FAULTS[last.fault],
+            size=math.nan if last is None else float(residual[last.fault]),
+            onset_s=self._onset_s if last is None else last.onset_s,
+            isolated_s=math.nan if last is None else last.isolated_s,
+            also_isolated=FAULTS[self._isolated[0].fault] if len(self._isolated) > 1 else None,
         )
 
     def commanded(self, command: Vector) -> None:
@@ -183,20 +208,33 @@ class FaultDetector:
         """One step of the state machine on `ratios = |r_i| / threshold_i`."""
         rules = self.design.supervision
         for i, ratio in enumerate(ratios):
+            other = ratios[1 - i]
             self._above_since[i] = _since(self._above_since[i], ratio > 1.0, time_s)
-            leading = ratio > 1.0 and ratio > rules.lead * ratios[1 - i]
-            self._leads_since[i] = _since(self._leads_since[i], leading, time_s)
+            self._leads_since[i] = _since(self._leads_since[i], ratio > max(1.0, rules.lead * other), time_s)
+            self._own_since[i] = _since(self._own_since[i], ratio > max(1.0, rules.cross_talk[i] * other), time_s)
+            self._below_since[i] = _since(self._below_since[i], ratio < rules.clear_ratio, time_s)
         if math.isnan(self._onset_s):
             onsets = [since for since in self._above_since if time_s - since >= rules.confirm_s]
             self._onset_s = min(onsets, default=math.nan)
-        elif self._isolated is None:
-            for i, since in enumerate(self._leads_since):
-                if time_s - since >= rules.isolate_s:
-                    self._isolated, self._isolated_s = i, time_s
-        watched = max(ratios) if self._isolated is None else ratios[self._isolated]
-        self._below_since = _since(self._below_since, watched < rules.clear_ratio, time_s)
-        if time_s - self._below_since >= rules.clear_s:
-            self._onset_s, self._isolated, self._isolated_s = math.nan, None, math.nan
+            self._detected_s = time_s
+            return
+        self._isolate(time_s)
+        over = [time_s - since >= rules.clear_s for since in self._below_since]
+        self._isolated = [known for known in self._isolated if not over[known.fault]]
+        if all(over):
+            self._onset_s = math.nan
+
+    def _isolate(self, time_s: float) -> None:
+        """Add to the isolated faults those whose residuals now say so."""
+        rules = self.design.supervision
+        since, hold_s = self._own_since, rules.also_isolate_s
+        if not self._isolated and time_s - self._detected_s < rules.undecided_s:
+            since, hold_s = self._leads_since, rules.isolate_s
+        known = [one.fault for one in self._isolated]
+        for i in (0, 1):
+            if i not in known and time_s - since[i] >= hold_s:
+                onset_s = self._onset_s if not self._isolated else self._above_since[i]
+                self._isolated.append(_Isolated(i, onset_s, time_s))
 
 
 def _since(since: float, holds: bool, time_s: float) -> float:

@@ -4,12 +4,21 @@ import sys
 
 import numpy as np
 
-from bringup.node_shell import DESIGN_COPY, DESIGN_FILE, OPERATING_POINT, SAMPLE_TIME, NodeShell, Parameter, run_node
+from bringup.node_shell import (
+    DESIGN_COPY,
+    DESIGN_FILE,
+    OPERATING_POINT,
+    SAMPLE_TIME,
+    SUPERHEAT_SENSOR,
+    NodeShell,
+    Parameter,
+    run_node,
+)
 from bringup.recording import StatusRow
 from bringup.topics import FDI
 
 SENSORS = Parameter("sensors", 3, "3: p_e, superheat and wall thermocouple; 2: without the thermocouple", low=2, high=3)
-PARAMETERS = (OPERATING_POINT, SAMPLE_TIME, SENSORS, DESIGN_FILE, DESIGN_COPY)
+PARAMETERS = (OPERATING_POINT, SAMPLE_TIME, SENSORS, SUPERHEAT_SENSOR, DESIGN_FILE, DESIGN_COPY)
 MEASURED = ("measured/evaporator_pressure", "measured/superheat", "measured/wall_temperature")
 
 
@@ -23,7 +32,9 @@ class FdiNode(NodeShell):
         """Load the design of the operating point."""
         from fdi_node import FaultDetector, FdiDesign
 
-        self._detector = FaultDetector(self.design(FdiDesign, sensors=self.value("sensors")))
+        self._detector = FaultDetector(
+            self.design(FdiDesign, sensors=self.value("sensors"), superheat=self.value("superheat_sensor"))
+        )
         self._start_ns: int | None = None
         self._observed_ns = -1
         self._waits_for_command_of: int | None = None
@@ -75,6 +86,7 @@ class FdiNode(NodeShell):
             float(found.onset_s),
             float(found.isolated_s),
             (first, second),
+            found.also_isolated,
         )
         self.send(time_ns, "fdi/innovation/evaporator_pressure", p_e)
         self.send(time_ns, "fdi/innovation/superheat", superheat)

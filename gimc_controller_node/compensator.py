@@ -1,12 +1,22 @@
 """The compensator at run time: `q = Q f_e`, with the Q that the isolation calls for.
 
-As long as no fault is isolated a Q for both faults at once stands guard: plant outputs move within tenths of a second
-of a fault, sooner than anything can be isolated. Q_act or Q_sen, each for its own fault alone, then takes over.
+A Q for both faults at once, the guard, acts all the time: plant outputs move within tenths of a second of a fault,
+sooner than anything can be isolated, and a second fault may come any time. Q_act or Q_sen, each for its own fault
+alone, has the say at rest as soon as that fault is isolated:
 
-All filters run all the time, so that the one that is let in has seen the fault from its first moment; which of them
-reaches the controller is faded over, never switched.
+    q = Q_both f_e + LP (Q_i f_e - Q_both f_e)     LP: a low-pass, at rest while nothing or both are isolated
+
+Let in at once, Q_act would take a second fault, of the pressure reading, for one of its own, and move the pressure by
+more than that fault's size before it can be isolated.
+
+After a manoeuvre the linear observer is off by what the plant is not linear, and all filters take that for small
+faults. So what each gives at rest is forgotten slowly while no fault is isolated; what was forgotten is held while one
+is.
+
+Both low-passes are of second order: what a fault brings in before it is isolated, some seconds, is next to nothing.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,8 +40,12 @@ class CompensatorDesign:
     c : ndarray, shape (6, n)
         Rows 0-1: q of the guard, rows 2-3: of Q_act, rows 4-5: of Q_sen [rad/s, 0..1].
     d : ndarray, shape (6, 3)
+    handover_time_s : float
+        Time constants with which Q_act or Q_sen takes over from the guard.
     fade_time_s : float
-        Time over which one filter takes over from another.
+        Time constant with which it goes out again.
+    washout_time_s : float
+        Time constants with which what is there at rest is forgotten.
     sample_time_s : float
     """
 
@@ -39,14 +53,17 @@ class CompensatorDesign:
     b: Vector
     c: Vector
     d: Vector
+    handover_time_s: float
     fade_time_s: float
+    washout_time_s: float
     sample_time_s: float
 
     @classmethod
     def from_arrays(cls, arrays: Arrays) -> "CompensatorDesign":
         """Design from the arrays that the cache stores."""
         matrices = {name: np.ascontiguousarray(arrays[name]) for name in ("a", "b", "c", "d")}
-        return cls(**matrices, fade_time_s=float(arrays["fade_time_s"]), sample_time_s=float(arrays["sample_time_s"]))
+        names = ("handover_time_s", "fade_time_s", "washout_time_s", "sample_time_s")
+        return cls(**matrices, **{name: float(arrays[name]) for name in names})  # type: ignore[arg-type]
 
 
 class Compensator:
@@ -63,10 +80,12 @@ class Compensator:
         self.design = design
         self.accommodate = accommodate
         self._state = np.zeros(len(design.a))
-        self._share = np.array([1.0, 0.0, 0.0])
-        self._rate = min(1.0, design.sample_time_s / design.fade_time_s)
+        self._forgotten = np.zeros((2, 6))
+        self._correction = np.zeros((2, 2))
+        times = (design.handover_time_s, design.fade_time_s, design.washout_time_s)
+        self._hands_over, self._fades, self._forgets = (-math.expm1(-design.sample_time_s / time) for time in times)
 
-    def step(self, innovation: Vector, isolated: str | None) -> Vector:
+    def step(self, innovation: Vector, isolated: str | None, also_isolated: str | None = None) -> Vector:
         """Signal q of this tick.
 
         Parameters
@@ -75,6 +94,8 @@ class Compensator:
             f_e [Pa, K, K].
         isolated : str or None
             The isolated fault: "compressor_speed", "evaporator_pressure", or None.
+        also_isolated : str or None
+            The other one, when both are.
 
         Returns
         -------
@@ -86,10 +107,20 @@ class Compensator:
         self._state = design.a @ self._state + design.b @ innovation
         if not self.accommodate:
             return np.zeros(2)
-        chosen = 0 if isolated is None else 1 + FAULTS.index(isolated)
-        self._share -= self._rate
-        self._share[chosen] += 2.0 * self._rate
-        np.clip(self._share, 0.0, 1.0, out=self._share)
-        self._share /= self._share.sum()
-        q: Vector = self._share @ signals.reshape(3, 2)
+        kept = signals - self._forgotten[1]
+        if isolated is None:
+            _low_pass(self._forgotten, signals, self._forgets)
+        guard: Vector = kept[:2]
+        if isolated is None or also_isolated is not None:
+            self._correction *= 1.0 - self._fades
+        else:
+            row = 2 + 2 * FAULTS.index(isolated)
+            _low_pass(self._correction, kept[row : row + 2] - guard, self._hands_over)
+        q: Vector = guard + self._correction[1]
         return q
+
+
+def _low_pass(state: Vector, signal: Vector, rate: float) -> None:
+    """Two lags in a row, in place: `state[0]` follows `signal`, `state[1]` follows `state[0]`."""
+    state[0] += rate * (signal - state[0])
+    state[1] += rate * (state[0] - state[1])

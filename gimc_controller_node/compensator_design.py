@@ -142,7 +142,7 @@ def synthesise(
         The fields of `gimc_controller_node.compensator.CompensatorDesign`; `report_Q_both`, `report_Q_act`,
         `report_Q_sen`.
     """
-    model = design_model(point)
+    model = design_model(point, fdi.superheat)
     L = cached_design("fdi", "fdi_node.synthesis", point, sample_time_s, fdi)["L"]
     k0 = cached_design("controller", "gimc_controller_node.controller_design", point, sample_time_s, controller)
     K, Lk = state_space([k0[name] for name in ("K_a", "K_b", "K_c", "K_d")]), k0["Lk"]
@@ -162,7 +162,7 @@ def synthesise(
                 lower_bound=matching.lower_bound,
                 order=matching.filter.nstates,
                 order_reduced=reduced.order,
-                regularisation=f"rho {chosen.penalty:g}, {chosen.noise}",
+                regularisation=f"rho {', '.join(f'{rho:g}' for rho in chosen.penalty)}, {chosen.noise}",
                 slowest_pole_rad_s=float(poles(reduced.system).real.max()),
                 seconds=time.perf_counter() - started,
             )
@@ -172,7 +172,9 @@ def synthesise(
         "b": np.vstack([q.B for q in filters]),
         "c": block_diagonal(*(q.C for q in filters)),
         "d": np.vstack([q.D for q in filters]),
+        "handover_time_s": np.array(weights.handover_time_s),
         "fade_time_s": np.array(weights.fade_time_s),
+        "washout_time_s": np.array(weights.washout_time_s),
         "sample_time_s": np.array(sample_time_s),
         **{f"report_{report.block}": report.to_array() for report in reports},
     }

@@ -4,13 +4,23 @@ import sys
 
 import numpy as np
 
-from bringup.node_shell import DESIGN_COPY, DESIGN_FILE, OPERATING_POINT, SAMPLE_TIME, NodeShell, Parameter, run_node
+from bringup.node_shell import (
+    DESIGN_COPY,
+    DESIGN_FILE,
+    OPERATING_POINT,
+    SAMPLE_TIME,
+    SUPERHEAT_SENSOR,
+    NodeShell,
+    Parameter,
+    run_node,
+)
 from bringup.recording import StatusRow
 from bringup.topics import COMPENSATOR
 
 PARAMETERS = (
     OPERATING_POINT,
     SAMPLE_TIME,
+    SUPERHEAT_SENSOR,
     DESIGN_FILE,
     DESIGN_COPY,
     Parameter("accommodate", True, "false leaves K0 alone: q is 0 whatever is isolated"),
@@ -27,7 +37,10 @@ class CompensatorNode(NodeShell):
         """Load the design of the operating point."""
         from gimc_controller_node import Compensator, CompensatorDesign
 
-        self._compensator = Compensator(self.design(CompensatorDesign), accommodate=self.value("accommodate"))
+        self._compensator = Compensator(
+            self.design(CompensatorDesign, superheat=self.value("superheat_sensor")),
+            accommodate=self.value("accommodate"),
+        )
         self.on_tick(
             (
                 "fdi/innovation/evaporator_pressure",
@@ -39,7 +52,7 @@ class CompensatorNode(NodeShell):
         )
 
     def _step(self, time_ns: int, p_e: float, superheat: float, wall: float, status: StatusRow) -> None:
-        q = self._compensator.step(np.array([p_e, superheat, wall]), status.isolated)
+        q = self._compensator.step(np.array([p_e, superheat, wall]), status.isolated, status.also_isolated)
         self.send(time_ns, "compensator/q", *q.tolist())
 
 

@@ -55,8 +55,8 @@ class MatchingWeights:
         alpha_d and alpha_f of the paper.
     corner_rad_s, integrator_rad_s : float
         The weight `W = (s + corner) / (s + integrator)` on what must be exact at rest.
-    penalty : float
-        Regularisation rho on q.
+    penalty : tuple of float
+        Regularisation rho on the parts of q for N and alpha.
     noise : MeasurementNoise
         Regularisation eps on the measurements.
     reduction : float
@@ -67,7 +67,7 @@ class MatchingWeights:
     fault: float = 1.0
     corner_rad_s: float = 0.05
     integrator_rad_s: float = 1e-3
-    penalty: float = 0.5
+    penalty: tuple[float, float] = (0.5, 0.5)
     noise: MeasurementNoise = COMPENSATOR_NOISE
     reduction: float = 1e-3
 
@@ -79,14 +79,23 @@ class CompensatorWeights:
     Attributes
     ----------
     guard : MatchingWeights
-        Of Q for both faults at once, which acts as long as no fault is isolated.
+        Of Q for both faults at once, which stands guard. It spares the valve: under noise a valve in motion moves the
+        plant's mean, which looks like a fault.
     actuator, sensor : MatchingWeights
         Of Q_act and Q_sen.
+    handover_time_s : float
+        Time constants (two lags) with which Q_act or Q_sen takes over from the guard once its fault is isolated.
     fade_time_s : float
-        Time over which one compensator takes over from another.
+        Time constant with which it goes out again.
+    washout_time_s : float
+        Time constants (two lags) with which the compensators forget what they give at rest while no fault is isolated.
     """
 
-    guard: MatchingWeights = MatchingWeights(reduction=2e-4)
-    actuator: MatchingWeights = MatchingWeights(corner_rad_s=0.2, penalty=0.2, reduction=4e-6)
+    guard: MatchingWeights = MatchingWeights(
+        penalty=(0.4, 2.0), noise=MeasurementNoise((0.04, 0.04, 0.02)), reduction=2e-4
+    )
+    actuator: MatchingWeights = MatchingWeights(penalty=(0.2, 0.2), reduction=4e-6)
     sensor: MatchingWeights = MatchingWeights()
+    handover_time_s: float = 10.0
     fade_time_s: float = 5.0
+    washout_time_s: float = 50.0

@@ -1,4 +1,4 @@
-"""The controller's and the compensator's steps: limits, anti-windup, fading."""
+"""The controller's and the compensator's steps: limits, anti-windup, handing over."""
 
 import numpy as np
 import pytest
@@ -50,32 +50,66 @@ def test_q_enters_before_the_inverse_of_v() -> None:
     assert second[0] - 100.0 == pytest.approx(0.5)
 
 
-def compensator(accommodate: bool = True) -> Compensator:
+TICK = np.ones(3)
+ACT, SEN = "compressor_speed", "evaporator_pressure"
+
+
+def compensator(accommodate: bool = True, washout_s: float = 1e9) -> Compensator:
+    """Filters that are gains: the guard answers f_e = 1 with 4 rad/s, Q_act with 1 rad/s, Q_sen with a valve of 2."""
     gains = np.zeros((6, 3))
-    gains[0, 0], gains[2, 0], gains[5, 0] = 4.0, 1.0, 2.0  # guard, Q_act, Q_sen
-    design = CompensatorDesign(np.zeros((1, 1)), np.zeros((1, 3)), np.zeros((6, 1)), gains, 1.0, 0.1)
+    gains[0, 0], gains[2, 0], gains[5, 0] = 4.0, 1.0, 2.0
+    design = CompensatorDesign(
+        np.zeros((1, 1)), np.zeros((1, 3)), np.zeros((6, 1)), gains, 1.0, 0.5, washout_s, sample_time_s=0.1
+    )
     return Compensator(design, accommodate)
 
 
 def test_the_guard_acts_until_a_fault_is_isolated() -> None:
     subject = compensator()
-    assert all(subject.step(np.ones(3), None) == pytest.approx([4.0, 0.0]) for _ in range(20))
-    assert subject.step(np.zeros(3), None) == pytest.approx([0.0, 0.0])
+    assert all(subject.step(TICK, None) == pytest.approx([4.0, 0.0]) for _ in range(20))
+    assert subject.step(np.zeros(3), None) == pytest.approx([0.0, 0.0], abs=1e-6)
 
 
-def test_the_isolated_fault_s_filter_takes_over_in_a_straight_fade() -> None:
+@pytest.mark.parametrize(("fault", "rest"), [(ACT, [1.0, 0.0]), (SEN, [0.0, 2.0])])
+def test_the_isolated_fault_s_filter_has_the_say_at_rest_and_comes_without_a_jump(
+    fault: str, rest: list[float]
+) -> None:
     subject = compensator()
-    subject.step(np.ones(3), None)
-    over = [subject.step(np.ones(3), "compressor_speed") for _ in range(20)]
-    assert over[0] == pytest.approx([0.9 * 4.0 + 0.1, 0.0])
-    assert over[-1] == pytest.approx([1.0, 0.0])
-    changed = [subject.step(np.ones(3), "evaporator_pressure") for _ in range(20)]
-    assert changed[4] == pytest.approx([0.5, 1.0])
-    assert changed[-1] == pytest.approx([0.0, 2.0])
-    assert [subject.step(np.ones(3), None) for _ in range(20)][-1] == pytest.approx([4.0, 0.0])
-    assert max(np.abs(np.diff([q[0] for q in over]))) < 0.31  # never a jump
+    before = subject.step(TICK, None)
+    over = np.array([before, *(subject.step(TICK, fault).copy() for _ in range(200))])
+    assert over[-1] == pytest.approx(rest, abs=1e-6)
+    assert np.abs(np.diff(over, axis=0)).max() < 0.2
+    back = np.array([over[-1], *(subject.step(TICK, None).copy() for _ in range(200))])
+    assert back[-1] == pytest.approx([4.0, 0.0], abs=1e-6)
+    assert np.abs(np.diff(back, axis=0)).max() < 0.2 * 4.0
+
+
+def test_a_second_fault_meets_the_guard_first() -> None:
+    """Q_act has the say for what lasts; what comes suddenly is the guard's."""
+    subject = compensator()
+    for _ in range(300):
+        settled = subject.step(TICK, ACT)
+    sudden = subject.step(3.0 * TICK, ACT)
+    assert sudden - settled == pytest.approx([8.0, 0.0], abs=0.1)
+
+
+def test_with_both_faults_the_guard_is_alone_again() -> None:
+    subject = compensator()
+    for _ in range(300):
+        subject.step(TICK, ACT)
+    assert [subject.step(TICK, SEN, ACT) for _ in range(100)][-1] == pytest.approx([4.0, 0.0], abs=1e-6)
+
+
+def test_what_is_there_without_a_fault_is_forgotten_and_stays_so_while_one_is() -> None:
+    subject = compensator(washout_s=2.0)
+    for _ in range(600):
+        forgotten = subject.step(0.1 * TICK, None)
+    assert forgotten == pytest.approx([0.0, 0.0], abs=1e-6)
+    for _ in range(600):
+        fault = subject.step(1.1 * TICK, ACT)
+    assert fault == pytest.approx([1.0, 0.0], abs=1e-3)
 
 
 def test_passive_means_no_q() -> None:
     subject = compensator(accommodate=False)
-    assert all(np.array_equal(subject.step(np.ones(3), "compressor_speed"), np.zeros(2)) for _ in range(20))
+    assert all(np.array_equal(subject.step(TICK, ACT), np.zeros(2)) for _ in range(20))

@@ -61,10 +61,10 @@ def test_a_short_peak_is_not_a_fault() -> None:
     assert not any(d.detected for d in feed(detector(confirm_s=1.0), [(5.0, 0.0)] * 9 + [(0.0, 0.0)] * 50))
 
 
-def test_two_residuals_alike_are_detected_but_not_isolated() -> None:
-    last = feed(detector(lead=1.5), [(3.0, 2.5)] * 200)[-1]
-    assert last.detected
-    assert last.isolated is None
+def test_two_residuals_alike_are_two_faults_but_not_at_once() -> None:
+    seen = feed(detector(lead=1.5, undecided_s=5.0), [(3.0, 2.5)] * 200)
+    assert all(d.detected and d.isolated is None for d in seen[10:50])
+    assert {seen[-1].isolated, seen[-1].also_isolated} == set(FAULTS)
 
 
 def test_a_fault_that_goes_away_is_cleared_and_can_come_back() -> None:
@@ -76,7 +76,20 @@ def test_a_fault_that_goes_away_is_cleared_and_can_come_back() -> None:
     assert again.onset_s == pytest.approx(10.0)
 
 
-def test_the_isolation_stays_while_its_residual_does() -> None:
-    subject = detector()
-    feed(subject, [(3.0, 0.0)] * 50)
-    assert feed(subject, [(3.0, 5.0)] * 100, start_s=5.0)[-1].isolated == FAULTS[0]
+def test_cross_talk_of_an_isolated_fault_is_no_second_fault() -> None:
+    subject = detector(cross_talk=(0.4, 0.1))
+    assert feed(subject, [(0.1, 9.0)] * 50)[-1].isolated == FAULTS[1]
+    last = feed(subject, [(3.0, 9.0)] * 100, start_s=5.0)[-1]
+    assert (last.isolated, last.also_isolated) == (FAULTS[1], None)
+
+
+def test_a_second_fault_is_isolated_as_well_and_each_is_cleared_by_itself() -> None:
+    subject = detector(clear_s=2.0)
+    assert feed(subject, [(3.0, 0.0)] * 50)[-1].isolated == FAULTS[0]
+    both = feed(subject, [(3.0, 5.0)] * 50, start_s=5.0)[-1]
+    assert (both.isolated, both.also_isolated) == (FAULTS[1], FAULTS[0])
+    assert (both.size, both.onset_s) == (5.0, pytest.approx(5.0))
+    assert both.isolated_s == pytest.approx(5.5)
+    left = feed(subject, [(0.1, 5.0)] * 50, start_s=10.0)[-1]
+    assert (left.isolated, left.also_isolated, left.onset_s) == (FAULTS[1], None, pytest.approx(5.0))
+    assert not feed(subject, [(0.1, 0.1)] * 50, start_s=15.0)[-1].detected
