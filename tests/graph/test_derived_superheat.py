@@ -1,0 +1,24 @@
+"""The derived superheat through real processes: the numbers of the simulation, with that sensor's designs."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bringup.bag import read_bag
+from bringup.graph import run_graph
+from bringup.loop import simulate
+from bringup.scenario import load
+from bringup.topics import SERIES
+
+pytestmark = pytest.mark.ros
+
+
+def test_graph_and_simulation_agree_on_a_derived_superheat(tmp_path: Path) -> None:
+    scenario = load("sensor_fault_derived", ["duration_s=20", "references={}", "faults.0.onset_s=5"])
+    recorded, simulated = read_bag(run_graph(scenario, tmp_path).bag), simulate(scenario)
+    assert np.abs(recorded.series["measured/superheat"] - recorded.series["plant/superheat"]).max() > 0.1
+    for key in SERIES:
+        np.testing.assert_array_equal(recorded.series[key], simulated.series[key], err_msg=key)
+    assert [row.isolated for row in recorded.status] == [row.isolated for row in simulated.status]
+    assert recorded.status[-1].isolated == "evaporator_pressure"
