@@ -44,7 +44,7 @@ class PlantFigure:
     reference: float | None = None
 
 
-def run_benchmarks(hours: int = 50, say: Say = lambda _: None) -> list[PlantFigure]:
+def run_benchmarks(hours: int = 10, say: Say = lambda _: None) -> list[PlantFigure]:
     """All figures of the plant.
 
     Parameters
@@ -246,7 +246,7 @@ def first_step_s(cold: bool = False) -> float:
 
 def main() -> None:
     """Print the figures."""
-    hours = int(sys.argv[1]) if len(sys.argv) > 1 else 50
+    hours = int(sys.argv[1]) if len(sys.argv) > 1 else 10
     for f in run_benchmarks(hours, say=lambda text: print(f"  ... {text}", file=sys.stderr, flush=True)):
         bar = "" if f.bar is None else f"{'at least' if f.at_least else 'at most'} {f.bar:g}"
         reference = "" if f.reference is None else f"reference {f.reference:.4g}"
