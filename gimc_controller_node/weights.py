@@ -92,7 +92,7 @@ class CompensatorWeights:
     """
 
     guard: MatchingWeights = MatchingWeights(
-        penalty=(0.4, 2.0), noise=MeasurementNoise((0.04, 0.04, 0.02)), reduction=2e-4
+        penalty=(0.4, 2.0), noise=MeasurementNoise((0.04, 0.04, 0.02)), reduction=2e-5
     )
     actuator: MatchingWeights = MatchingWeights(penalty=(0.2, 0.2), reduction=4e-6)
     sensor: MatchingWeights = MatchingWeights()

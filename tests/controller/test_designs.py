@@ -3,9 +3,10 @@
 import control
 import numpy as np
 import pytest
+from CoolProp.CoolProp import PropsSI
 from scipy.linalg import expm
 
-from ac_plant_node import linearize
+from ac_plant_node import linearize, operating_point
 from bringup.design import all_blocks
 from bringup.units import KPA, RPM
 from fdi_node import FdiWeights, design
@@ -29,8 +30,9 @@ def response(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray, z: comp
     return np.asarray(c @ np.linalg.solve(z * np.eye(len(a)) - a, b) + d)
 
 
-def test_every_norm_is_what_was_claimed() -> None:
-    reports = all_blocks(POINT, SAMPLE_TIME_S)
+@pytest.mark.parametrize("point", ["low", "med", "high"])
+def test_every_norm_is_what_was_claimed(point: str) -> None:
+    reports = all_blocks(point, SAMPLE_TIME_S)
     assert [report.block for report in reports] == ["K0", "H", "Q_both", "Q_act", "Q_sen"]
     for report in reports:
         assert report.achieved <= report.claimed * 1.001, report
@@ -38,6 +40,20 @@ def test_every_norm_is_what_was_claimed() -> None:
         assert report.achieved_reduced <= report.achieved * 1.02, report
         assert report.order_reduced < report.order, report
         assert report.slowest_pole_rad_s < 0.0, report
+
+
+def test_the_superheat_s_sensor_decides_where_the_pressure_fault_enters_and_which_design_is_met() -> None:
+    direct, derived = (design_model(POINT, sensor).system for sensor in ("direct", "derived"))
+    slope = PropsSI("d(T)/d(P)|sigma", "P", float(operating_point(POINT).outputs[0]), "Q", 1, "R134a")
+    assert direct.F2[:, 1] * OUTPUT_UNIT == pytest.approx([5.0 * KPA, 0.0, 0.0])
+    assert derived.F2[:, 1] * OUTPUT_UNIT == pytest.approx([5.0 * KPA, -slope * 5.0 * KPA, 0.0], rel=1e-4)
+    assert not np.array_equal(design(POINT, SAMPLE_TIME_S).h_d, design(POINT, SAMPLE_TIME_S, superheat="derived").h_d)
+    own, other = (
+        design_compensator(POINT, SAMPLE_TIME_S, fdi=FdiWeights(superheat=sensor)) for sensor in ("direct", "derived")
+    )
+    assert not np.array_equal(own.d, other.d)
+    with pytest.raises(ValueError, match="direct or derived"):
+        design_model(POINT, "guessed")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("omega", [1e-6, 1e-3, 0.05, 1.0, 30.0])
