@@ -1,10 +1,11 @@
 """How late this machine wakes a process that has nothing else to do: what no program on it can do better than.
 
-``python -m bringup.host_noise SECONDS PERIOD_S`` sleeps to an absolute deadline again and again, under SCHED_FIFO above
-the loop's own priority where permitted, and prints how late it woke as JSON.
+``python -m bringup.host_noise SECONDS PERIOD_S [PROCESSOR]`` sleeps to an absolute deadline again and again, under
+SCHED_FIFO above the loop's own priority where permitted, and prints how late it woke as JSON.
 """
 
 import json
+import os
 import sys
 import time
 
@@ -21,6 +22,8 @@ def main() -> int:
     """Measure and print."""
     end_with_parent()
     duration_s, period_s = float(sys.argv[1]), float(sys.argv[2])
+    if len(sys.argv) > 3:
+        os.sched_setaffinity(0, {int(sys.argv[3])})
     set_priority(PRIORITY)
     late_s = []
     due_s = time.monotonic()

@@ -76,7 +76,7 @@ class Subscriptions:
     else, and one wake takes whatever has arrived: `act` gets it as a list of (number, message).
     """
 
-    def __init__(self, context: Context, raw: bool, act: Callable[[list[tuple[int, Any]]], None]) -> None:
+    def __init__(self, context: Context, raw: bool, act: Callable[[list[tuple[int, Any]]], bool]) -> None:
         self._context = context
         self._raw = raw
         self._act = act
@@ -90,8 +90,8 @@ class Subscriptions:
         self._wait_set = None
         return len(self._sources) - 1
 
-    def wait(self, timeout_s: float) -> None:
-        """Wait until something arrives, a signal comes or the time is over, and act on what is there."""
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until something arrives, a signal comes or the time is over, act on what is there; what `act` said."""
         if self._wait_set is None:
             self._wait_set = _rclpy.WaitSet(len(self._sources), 1, 0, 0, 0, 0, self._context.handle)
         wait_set = self._wait_set
@@ -100,13 +100,12 @@ class Subscriptions:
             wait_set.add_subscription(handle)
         wait_set.add_guard_condition(self._signals.handle)
         wait_set.wait(max(int(timeout_s * 1e9), 0))
-        self.take()
+        return self.take()
 
-    def take(self) -> None:
-        """Act on all messages that are there."""
+    def take(self) -> bool:
+        """Act on all messages that are there; what `act` said."""
         messages = self.arrived()
-        if messages:
-            self._act(messages)
+        return self._act(messages) if messages else False
 
     def arrived(self) -> list[tuple[int, Any]]:
         """All messages that are there, each with the number of its subscription."""
@@ -136,8 +135,8 @@ class LoopInputs:
         for tick_set in self._sets:
             tick_set.clear()
 
-    def take(self, messages: list[tuple[int, Any]]) -> None:
-        """Act on the ticks that `messages` complete, in order of time."""
+    def take(self, messages: list[tuple[int, Any]]) -> bool:
+        """Act on the ticks that `messages` complete, in order of time; whether a tick is over for this node."""
         complete = []
         for number, message in messages:
             tick_set, name, read = self._readers[number]
@@ -150,8 +149,11 @@ class LoopInputs:
                 complete.append((done[0], tick_set, done))
         if len(complete) > 1:
             complete.sort(key=_time)  # stable: within a tick in the order the node asked for
+        over = False
         for _, tick_set, arguments in complete:
             tick_set.act(*arguments)
+            over = over or tick_set is self._sets[-1]
+        return over
 
 
 def _time(complete: tuple[int, TickSet, tuple[Any, ...]]) -> int:

@@ -47,6 +47,8 @@ DEADLINE_S = 1.0
 HEALTH_PERIOD_S = 1.0
 #: Services, timers and events get their turn so often while the loop runs.
 OTHERS_PERIOD_S = 0.02
+#: They wait for the end of a tick, but not longer than this when there is none.
+OTHERS_PATIENCE_S = 0.1
 #: How long their turn may take; a deadline that is nearer comes first.
 OTHERS_TAKE_S = 0.003
 #: The last bit of the time to a deadline is slept through on a timer that is more exact than the middleware's.
@@ -189,12 +191,16 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         if not self.running:
             executor.spin_once()
             return
-        others_due_s = time.monotonic() + OTHERS_PERIOD_S
-        while self.running and rclpy.ok() and (now := time.monotonic()) < others_due_s:
+        due_s = time.monotonic() + OTHERS_PERIOD_S
+        latest_s = due_s + OTHERS_PATIENCE_S
+        while self.running and rclpy.ok() and (now := time.monotonic()) < latest_s:
             if self.deadline_s - now < DEADLINE_MARGIN_S:
                 sleep_until(self.deadline_s)
                 self.on_deadline()
-            self.loop_subscriptions.wait(min(others_due_s, self.deadline_s - DEADLINE_MARGIN_S) - now)
+            tick_is_over = self.loop_subscriptions.wait(min(latest_s, self.deadline_s - DEADLINE_MARGIN_S) - now)
+            # Between its part in this tick and the next one a node holds nobody up.
+            if tick_is_over and time.monotonic() >= due_s:
+                break
         if self.deadline_s - time.monotonic() > OTHERS_TAKE_S:
             executor.spin_once(timeout_sec=0.0)
 

@@ -80,10 +80,10 @@ class RecorderNode(NodeShell):
         """Whether nothing of the run is missing; on the wall clock a late tick may stay away for good."""
         return not self.missing() or (not self._lockstep and time.monotonic() - finished_s > REALTIME_PATIENCE_S)
 
-    def _write(self, messages: list[tuple[int, bytes]]) -> None:
+    def _write(self, messages: list[tuple[int, bytes]]) -> bool:
         bag = self._bag
         if bag is None:
-            return
+            return False
         now_ns = 0 if self._lockstep else time.time_ns()
         for number, data in messages:
             if number == self._health_topic:
@@ -95,6 +95,7 @@ class RecorderNode(NodeShell):
                 self._last_ns = stamp
             bag.write(number, data, now_ns or stamp, stamp)
         self.health.ticks = bag.counts[0]
+        return True
 
     def _look_at_health(self, data: bytes) -> None:
         """See from the plant's health report whether the run is over."""
