@@ -2,6 +2,7 @@
 
 import importlib
 import math
+import sys
 from dataclasses import asdict
 from typing import Any
 
@@ -45,6 +46,7 @@ def cached_design(block: str, synthesis: str, point: str, sample_time_s: float, 
     def compute() -> Arrays:
         from threadpoolctl import threadpool_limits
 
+        print(f"acftc: designing the {block} at {point} (once, some seconds)", file=sys.stderr, flush=True)
         module = importlib.import_module(synthesis)
         with threadpool_limits(1):  # matrices of this size are ten times slower on several threads
             arrays: Arrays = module.synthesise(point, sample_time_s, *weights)
