@@ -2,8 +2,9 @@
 
 from dataclasses import replace
 
+from bringup.topics import FAULTS
 from fdi_node.design_cache import cached_design
-from fdi_node.detector import FAULTS, Detection, FaultDetector, FdiDesign, Supervision
+from fdi_node.detector import Detection, FaultDetector, FdiDesign, Supervision
 from fdi_node.weights import FdiWeights, SuperheatSensor
 
 SYNTHESES = {2: ("fdi-two-sensors", "fdi_node.two_sensors"), 3: ("fdi", "fdi_node.synthesis")}

@@ -15,12 +15,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from bringup.topics import FAULTS
 from fdi_node.cache import Arrays
 
 Vector = NDArray[np.float64]
-
-FAULTS = ("compressor_speed", "evaporator_pressure")
-"""The faults that are told apart, in the order of the residuals."""
 
 
 @dataclass(frozen=True)

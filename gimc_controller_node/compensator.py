@@ -22,8 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bringup.topics import FAULTS
 from fdi_node.cache import Arrays
-from fdi_node.detector import FAULTS
 
 Vector = NDArray[np.float64]
 

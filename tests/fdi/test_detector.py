@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from fdi_node.detector import FAULTS, Detection, FaultDetector, FdiDesign, Supervision
+from bringup.topics import FAULTS
+from fdi_node.detector import Detection, FaultDetector, FdiDesign, Supervision
 
 
 def detector(**rules: float) -> FaultDetector:
