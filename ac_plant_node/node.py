@@ -10,8 +10,8 @@ import time
 
 import numpy as np
 
-from bringup.node_shell import MODE, OPERATING_POINT, SAMPLE_TIME, NodeShell, Parameter, run_node
 from bringup.rest import rest_at
+from bringup.ros.node_shell import MODE, OPERATING_POINT, SAMPLE_TIME, NodeShell, Parameter, run_node
 from bringup.topics import CLOCK, PLANT, Topic
 
 PARAMETERS = (

@@ -17,7 +17,7 @@ from ac_plant_node.lookup import saturation
 from ac_plant_node.parameters import load_parameters
 from ac_plant_node.plant import RPM, Plant
 from ac_plant_node.tables import load_tables
-from bringup.svg import Chart, Curve, draw
+from bringup.report.svg import Chart, Curve, draw
 
 _COLOURS = ("#1f6fb4", "#2a9d3a", "#c8452d")
 

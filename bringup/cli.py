@@ -22,8 +22,8 @@ from bringup.console import digits, print_json, print_table, progress_bar, say, 
 from bringup.errors import BringupError, InterruptedRunError, RunError, one_line
 
 if TYPE_CHECKING:
-    from bringup.health import NodeHealth
     from bringup.recording import Recording
+    from bringup.ros.health import NodeHealth
     from bringup.scenario import Scenario
 
 INTERRUPTED = 130
@@ -141,8 +141,8 @@ def run(
     chosen = _load(scenario, overrides, passive)
     folder = _prepare(out or Path("results") / chosen.name, force)
 
-    from bringup.bag import read_bag
-    from bringup.graph import run_graph
+    from bringup.bags.reader import read_bag
+    from bringup.ros.graph import run_graph
 
     with progress_bar(f"{chosen.name} ({mode})") as progress:
         try:
@@ -207,8 +207,8 @@ def scenarios(as_json: bool) -> None:
 )
 def report(bag: Path, out: Path | None, beside: Path | None) -> None:
     """Write the report of a recorded run, also of one that was cut short."""
-    from bringup.bag import read_bag
-    from bringup.report import write_report
+    from bringup.bags.reader import read_bag
+    from bringup.report.page import write_report
 
     recording = read_bag(bag)
     other, note = (read_bag(beside), f"Beside it: {beside}.") if beside else _companion(recording)
@@ -232,7 +232,7 @@ def replay(bag: Path, node: str, as_json: bool) -> None:
 
     Exit code 1 when they differ by more than the rounding of another processor.
     """
-    from bringup.replay import replay as replay_node
+    from bringup.bags.replay import replay as replay_node
 
     with progress_bar(f"replay of {node}") as progress:
         result = replay_node(bag, node, progress)
@@ -367,7 +367,7 @@ def reproduce(out: Path, cycle: Path | None) -> None:
     DIR gets a picture for each (e1.svg ... e8.svg), paper.json and index.html.
     """
     _make_folder(out)
-    from bringup.reproduce import reproduce as run_experiments
+    from bringup.report.reproduce import reproduce as run_experiments
 
     experiments = run_experiments(out, cycle, say)
     rows = []
@@ -425,7 +425,7 @@ def topics(as_json: bool) -> None:
     Looks into the ROS domain of ROS_DOMAIN_ID, 0 when it is not set: where `acftc run` puts a graph by default. With
     --json it watches for two seconds and prints what it has seen.
     """
-    from bringup.watch import table, topics_live, topics_once
+    from bringup.ros.watch import table, topics_live, topics_once
 
     if as_json:
         print_json(topics_once())
@@ -449,8 +449,8 @@ def bench(realtime_s: float, ticks: int, as_json: bool) -> None:
 
     Takes some two minutes, and wants the machine for itself. Exit code 1 when a bar is missed.
     """
-    from bringup.bench import as_dicts
-    from bringup.bench import bench as measure
+    from bringup.bench.figures import as_dicts
+    from bringup.bench.figures import bench as measure
 
     figures = measure(ticks=ticks, realtime_s=realtime_s, say=say)
     if as_json:
@@ -517,15 +517,15 @@ def _make_folder(folder: Path) -> None:
 
 
 def _health(bag: Path) -> "list[NodeHealth]":
-    from bringup.bag import health_reports, read_raw
-    from bringup.health import health_of
+    from bringup.bags.reader import health_reports, read_raw
+    from bringup.ros.health import health_of
 
     return health_of(health_reports(read_raw(bag)))
 
 
 def _finish(recording: "Recording", folder: Path, as_json: bool, health: "Sequence[NodeHealth]" = ()) -> None:
     """Write summary and report of a run, and say where they are."""
-    from bringup.report import write_report
+    from bringup.report.page import write_report
     from bringup.summary import summarise, write_summary
 
     summary = summarise(recording)

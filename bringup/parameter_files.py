@@ -8,8 +8,8 @@ from importlib import import_module
 
 import yaml
 
-from bringup.graph import MODULES, parameter_file
-from bringup.node_shell import AUTOSTART, PRIORITY, Parameter
+from bringup.ros.graph import MODULES, parameter_file
+from bringup.ros.node_shell import AUTOSTART, PRIORITY, Parameter
 
 
 def text(name: str) -> str:

@@ -11,11 +11,11 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import deserialize_message
 
-from bringup.cdr import stamp_ns
+from bringup.bags.recorder import BagWriter, RecordedTopic
 from bringup.designs import ATTACHMENT, DESIGNED
-from bringup.inputs import Subscriptions
-from bringup.node_shell import DEADLINE_S, DEPTH, LOOP_QOS, MODE, PLAIN_QOS, NodeShell, Parameter, run_node
-from bringup.recorder import BagWriter, RecordedTopic
+from bringup.ros.cdr import stamp_ns
+from bringup.ros.inputs import Subscriptions
+from bringup.ros.node_shell import DEADLINE_S, DEPTH, LOOP_QOS, MODE, PLAIN_QOS, NodeShell, Parameter, run_node
 from bringup.topics import CLOCK, DIAGNOSTICS, PLANT, RECORDER, TOPICS
 
 #: Far below what the middleware keeps for a slow reader, and below the bag's flush period.

@@ -3,8 +3,8 @@
 import json
 import sys
 
-from bringup.node_shell import NodeShell, Parameter, run_node
 from bringup.rest import rest_at
+from bringup.ros.node_shell import NodeShell, Parameter, run_node
 from bringup.topics import SCENARIO
 
 PARAMETERS = (

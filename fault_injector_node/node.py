@@ -12,8 +12,8 @@ import numpy as np
 from rclpy.parameter import Parameter as RosParameter
 from std_srvs.srv import SetBool
 
-from bringup.node_shell import SAMPLE_TIME, SUPERHEAT_SENSOR, NodeShell, Parameter, run_node
 from bringup.profiles import PROFILES
+from bringup.ros.node_shell import SAMPLE_TIME, SUPERHEAT_SENSOR, NodeShell, Parameter, run_node
 from bringup.topics import FAULTS, INJECTOR
 from fault_injector_node.injector import FaultInjector
 from fault_injector_node.live import LiveFault, Shape

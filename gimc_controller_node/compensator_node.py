@@ -4,7 +4,8 @@ import sys
 
 import numpy as np
 
-from bringup.node_shell import (
+from bringup.recording import StatusRow
+from bringup.ros.node_shell import (
     DESIGN_COPY,
     DESIGN_FILE,
     OPERATING_POINT,
@@ -14,7 +15,6 @@ from bringup.node_shell import (
     Parameter,
     run_node,
 )
-from bringup.recording import StatusRow
 from bringup.topics import COMPENSATOR
 
 PARAMETERS = (

@@ -4,7 +4,7 @@ import sys
 
 import numpy as np
 
-from bringup.node_shell import DESIGN_COPY, DESIGN_FILE, OPERATING_POINT, SAMPLE_TIME, NodeShell, run_node
+from bringup.ros.node_shell import DESIGN_COPY, DESIGN_FILE, OPERATING_POINT, SAMPLE_TIME, NodeShell, run_node
 from bringup.topics import CONTROLLER
 
 PARAMETERS = (OPERATING_POINT, SAMPLE_TIME, DESIGN_FILE, DESIGN_COPY)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bringup.bag import read_bag
+from bringup.bags.reader import read_bag
 from bringup.loop import simulate
 from bringup.scenario import load
 from bringup.topics import SERIES

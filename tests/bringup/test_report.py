@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from bringup.health import health_of
-from bringup.plots import time_plots
 from bringup.recording import Recording
-from bringup.report import render, write_report
+from bringup.report.page import render, write_report
+from bringup.report.plots import time_plots
+from bringup.ros.health import health_of
 from bringup.scenario import load
 
 Make = Callable[..., Recording]

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from bringup.recording import Recording
-from bringup.svg import HEIGHT, WIDTH, Chart, Curve, charts_of, draw
+from bringup.report.svg import HEIGHT, WIDTH, Chart, Curve, charts_of, draw
 
 SVG = "{http://www.w3.org/2000/svg}"
 Make = Callable[..., Recording]

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from bringup import reproduce as reproduction
-from bringup.verdicts import (
+from bringup.report import reproduce as reproduction
+from bringup.report.verdicts import (
     AGREES,
     BETTER,
     DIFFERS,

@@ -15,8 +15,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
-from bringup.graph import GraphRun, run_graph
-from bringup.processes import ros_environment
+from bringup.ros.graph import GraphRun, run_graph
+from bringup.ros.processes import ros_environment
 from bringup.scenario import Scenario, check
 
 settings.register_profile("graph", deadline=None)  # the first message of a type takes its time

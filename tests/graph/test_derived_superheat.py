@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bringup.bag import read_bag
-from bringup.graph import run_graph
+from bringup.bags.reader import read_bag
 from bringup.loop import simulate
+from bringup.ros.graph import run_graph
 from bringup.scenario import load
 from bringup.topics import SERIES
 

@@ -4,9 +4,9 @@ import re
 from importlib.util import find_spec
 from pathlib import Path
 
-from bringup.graph import MODULES
-from bringup.node_shell import Parameter
 from bringup.profiles import PROFILES
+from bringup.ros.graph import MODULES
+from bringup.ros.node_shell import Parameter
 from bringup.topics import BY_NAME
 from fault_injector_node.node import PARAMETERS
 

@@ -11,10 +11,10 @@ import pytest
 from conftest import processes_that_mention
 from rosbags.highlevel import AnyReader
 
-from bringup.bag import read_bag
+from bringup.bags.reader import read_bag
 from bringup.errors import BringupError, RunError
-from bringup.graph import run_graph
-from bringup.processes import Domain
+from bringup.ros.graph import run_graph
+from bringup.ros.processes import Domain
 from bringup.scenario import Scenario, load
 
 pytestmark = pytest.mark.ros
@@ -23,7 +23,7 @@ pytestmark = pytest.mark.ros
 RUNNER = """
 import sys
 from bringup.errors import BringupError
-from bringup.graph import run_graph
+from bringup.ros.graph import run_graph
 from bringup.scenario import load
 try:
     run_graph(load("nominal"), sys.argv[1], progress=lambda done, ticks: print("tick", done, flush=True))

@@ -7,13 +7,13 @@ import pytest
 from conftest import Operator
 from lifecycle_msgs.msg import Transition
 
-from bringup.bag import read_bag
-from bringup.cdr import packer
-from bringup.feeder import Feeder
-from bringup.graph import MODULES, node_arguments, run_graph
-from bringup.processes import ros_environment, start, stop
+from bringup.bags.feeder import Feeder
+from bringup.bags.reader import read_bag
+from bringup.ros.cdr import packer
+from bringup.ros.graph import MODULES, node_arguments, run_graph
+from bringup.ros.processes import ros_environment, start, stop
+from bringup.ros.supervisor import Supervisor
 from bringup.scenario import load
-from bringup.supervisor import Supervisor
 from bringup.topics import BY_NAME, CONTROLLER, TOPICS, Topic
 
 pytestmark = pytest.mark.ros

@@ -9,14 +9,14 @@ from conftest import Operator
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bringup.bag import read_bag
-from bringup.graph import run_graph
+from bringup.bags.reader import read_bag
+from bringup.bags.replay import replay
 from bringup.profiles import PROFILES, unit_profile
-from bringup.replay import replay
+from bringup.ros.graph import run_graph
+from bringup.ros.watch import topics_once
 from bringup.scenario import load
 from bringup.topics import TOPICS
 from bringup.units import RPM
-from bringup.watch import topics_once
 from fault_injector_node.live import LiveFault, Shape
 
 SAMPLE_TIME_S = 0.1

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
-from bringup.bag import RawBag, read_bag, read_raw
-from bringup.graph import GraphRun, run_graph
+from bringup.bags.reader import RawBag, read_bag, read_raw
 from bringup.loop import simulate
 from bringup.recording import StatusRow
+from bringup.ros.graph import GraphRun, run_graph
 from bringup.scenario import Scenario
 from bringup.topics import SERIES, TOPICS
 

@@ -11,14 +11,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
-from bringup.bag import decode, read_bag, read_raw
-from bringup.cdr import packer, read_diagnostics, stamp_ns, status_row
+from bringup.bags.reader import decode, read_bag, read_raw
+from bringup.bags.recorder import BagWriter, RecordedTopic
 from bringup.errors import BringupError
-from bringup.inputs import MOST_WAITING, TickSet
-from bringup.messages import BadMessage, message_class, reader
-from bringup.messages import stamp_ns as stamp_of_message
-from bringup.recorder import BagWriter, RecordedTopic
 from bringup.recording import StatusRow
+from bringup.ros.cdr import packer, read_diagnostics, stamp_ns, status_row
+from bringup.ros.inputs import MOST_WAITING, TickSet
+from bringup.ros.messages import BadMessage, message_class, reader
+from bringup.ros.messages import stamp_ns as stamp_of_message
 from bringup.topics import BY_NAME, DIAGNOSTICS, TOPICS
 
 finite = st.floats(allow_nan=False, allow_infinity=False)

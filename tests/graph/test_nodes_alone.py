@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from bringup.graph import MODULES
-from bringup.processes import ros_environment, start, stop
-from bringup.supervisor import Supervisor
+from bringup.ros.graph import MODULES
+from bringup.ros.processes import ros_environment, start, stop
+from bringup.ros.supervisor import Supervisor
 from bringup.topics import FDI, RECORDER
 
 pytestmark = pytest.mark.ros

@@ -3,8 +3,8 @@
 import pytest
 import yaml
 
-from bringup.graph import MODULES, parameter_file
 from bringup.parameter_files import text
+from bringup.ros.graph import MODULES, parameter_file
 
 
 @pytest.mark.parametrize("name", MODULES)

@@ -8,8 +8,8 @@ import platform
 import pytest
 from update_references import REFERENCE, SCENARIO
 
-from bringup.bag import read_bag
-from bringup.replay import REPLAYABLE, replay
+from bringup.bags.reader import read_bag
+from bringup.bags.replay import REPLAYABLE, replay
 from bringup.scenario import load
 
 pytestmark = pytest.mark.ros

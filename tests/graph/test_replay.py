@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from bringup.bags.replay import replay
 from bringup.errors import BringupError
-from bringup.graph import GraphRun
-from bringup.replay import replay
+from bringup.ros.graph import GraphRun
 
 pytestmark = pytest.mark.ros
 

@@ -8,7 +8,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from bringup.graph import run_graph
+from bringup.ros.graph import run_graph
 from bringup.scenario import load
 
 HERE = Path(__file__).parent

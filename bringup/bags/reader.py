@@ -16,10 +16,10 @@ from mcap.exceptions import EndOfFile, McapError
 from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 from mcap.stream_reader import StreamReader
 
-from bringup.cdr import NANOSECONDS, columns, read_diagnostics, stamp_ns, stamps_ns, status_row
+from bringup.bags.recorder import RUN_RECORD
 from bringup.errors import BringupError, one_line
-from bringup.recorder import RUN_RECORD
 from bringup.recording import Recording
+from bringup.ros.cdr import NANOSECONDS, columns, read_diagnostics, stamp_ns, stamps_ns, status_row
 from bringup.topics import BY_NAME, DIAGNOSTICS, NAMESPACE, PLANT
 
 _SCHEMA, _CHANNEL, _MESSAGE = 0x03, 0x04, 0x05

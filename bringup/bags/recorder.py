@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 from mcap.writer import CompressionType, Writer
 
-from bringup.definitions import definition, type_hash
+from bringup.ros.definitions import definition, type_hash
 
 #: Small chunks: what is lost in a crash, and how long the writer stands still to compress one.
 CHUNK_BYTES = 64 * 1024

@@ -15,7 +15,7 @@ import yaml
 
 from bringup.designs import DESIGNED
 from bringup.errors import BringupError, InterruptedRunError, RunError
-from bringup.processes import Child, Domain, ros_environment, start, stop
+from bringup.ros.processes import Child, Domain, ros_environment, start, stop
 from bringup.scenario import Scenario
 from bringup.topics import (
     COMPENSATOR,
@@ -102,7 +102,7 @@ def run_graph(
                 for name, module in MODULES.items():
                     arguments = node_arguments(module, name, parameters[name], out_dir / "log")
                     children[name] = start(name, arguments, out_dir / "log", environment)
-                from bringup.supervisor import Supervisor  # takes its time: meanwhile the nodes are starting, too
+                from bringup.ros.supervisor import Supervisor  # takes its time: meanwhile the nodes are starting, too
 
                 with Supervisor(children, environment) as supervisor:
                     supervisor.activate(ACTIVATION_ORDER)

@@ -4,7 +4,7 @@ import html
 import math
 
 from bringup.errors import one_line
-from bringup.verdicts import Experiment, Finding
+from bringup.report.verdicts import Experiment, Finding
 
 
 def page(experiments: list[Experiment]) -> str:

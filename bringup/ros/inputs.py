@@ -10,7 +10,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.signals import SignalHandlerGuardCondition
 from rclpy.subscription import Subscription
 
-from bringup.messages import BadMessage, Values, reader, stamp_ns
+from bringup.ros.messages import BadMessage, Values, reader, stamp_ns
 from bringup.topics import Topic
 
 #: Stamps that wait for their last message; more than this are garbage from a foreign publisher.

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from bringup.panels import BLACK, GREEN, GREY, Line, Panel, instants, panels_of, readable_range
 from bringup.recording import Recording
+from bringup.report.panels import BLACK, GREEN, GREY, Line, Panel, instants, panels_of, readable_range
 from bringup.summary import injected_faults
 from bringup.topics import FAULTS
 
@@ -99,7 +99,7 @@ def charts_of(recording: Recording, beside: Recording | None = None, titles: Seq
     Parameters
     ----------
     recording, beside
-        As in `bringup.plots.time_plots`.
+        As in `bringup.report.plots.time_plots`.
     titles
         Beginnings of the titles to keep, in this order; empty: all.
     """

@@ -13,8 +13,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from bringup.errors import RunError
-from bringup.node_shell import PLAIN_QOS
-from bringup.processes import Child
+from bringup.ros.node_shell import PLAIN_QOS
+from bringup.ros.processes import Child
 from bringup.topics import NAMESPACE, PLANT, RECORDER, TOPICS
 
 #: How often the processes are looked at while nothing comes in, s.

@@ -1,7 +1,7 @@
 """How late this machine wakes a process that has nothing else to do: what no program on it can do better than.
 
-``python -m bringup.host_noise SECONDS PERIOD_S [PROCESSOR]`` sleeps to an absolute deadline again and again, under
-SCHED_FIFO above the loop's own priority where permitted, and prints how late it woke as JSON.
+``python -m bringup.bench.host_noise SECONDS PERIOD_S [PROCESSOR]`` sleeps to an absolute deadline again and again,
+under SCHED_FIFO above the loop's own priority where permitted, and prints how late it woke as JSON.
 """
 
 import json
@@ -9,8 +9,8 @@ import os
 import sys
 import time
 
-from bringup.node_shell import set_priority, sleep_until
-from bringup.processes import end_with_parent
+from bringup.ros.node_shell import set_priority, sleep_until
+from bringup.ros.processes import end_with_parent
 
 #: Above the loop's.
 PRIORITY = 30

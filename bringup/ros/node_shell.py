@@ -33,10 +33,10 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-from bringup.cdr import Packer, packer
-from bringup.inputs import Gate, LoopInputs, Subscriptions, TickSet
-from bringup.messages import BadMessage, message_class
-from bringup.processes import end_with_parent
+from bringup.ros.cdr import Packer, packer
+from bringup.ros.inputs import Gate, LoopInputs, Subscriptions, TickSet
+from bringup.ros.messages import BadMessage, message_class
+from bringup.ros.processes import end_with_parent
 from bringup.topics import BY_NAME, TOPICS, Topic
 
 #: How far behind a subscriber (the recorder above all) may fall before a message is lost, in ticks.

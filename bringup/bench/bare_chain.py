@@ -4,8 +4,8 @@ Written the way one would write it first: one rclpy node a process, one callback
 messages with a new stamp. Same topics, types, QoS, processes and order within a tick as the graph; the recorder takes
 every message serialised and drops it.
 
-``python -m bringup.bare_chain NODE TICKS PERIOD_S`` is one process; it says ``ready`` when its outputs have found their
-readers. The plant then waits for a line on its standard input, beats TICKS times (as fast as it goes, or every
+``python -m bringup.bench.bare_chain NODE TICKS PERIOD_S`` is one process; it says ``ready`` when its outputs have found
+their readers. The plant then waits for a line on its standard input, beats TICKS times (as fast as it goes, or every
 PERIOD_S) and prints its figures as JSON.
 """
 
@@ -22,9 +22,9 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 
-from bringup.messages import message_class
-from bringup.node_shell import LOOP_QOS
-from bringup.processes import end_with_parent
+from bringup.ros.messages import message_class
+from bringup.ros.node_shell import LOOP_QOS
+from bringup.ros.processes import end_with_parent
 from bringup.topics import (
     BY_NAME,
     COMPENSATOR,

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
-from bringup.cdr import NANOSECONDS, status_row
+from bringup.ros.cdr import NANOSECONDS, status_row
 from bringup.topics import DIAGNOSTICS, JOINT_FIELD, JOINTS, PRESSURE, TEMPERATURE, Topic
 
 Values = tuple[Any, ...]

@@ -9,13 +9,13 @@ from typing import Any
 
 import yaml
 
-from bringup.health import NodeHealth
-from bringup.panels import between
-from bringup.paper import figures_for
-from bringup.plots import time_plots
 from bringup.recording import Recording
+from bringup.report.panels import between
+from bringup.report.paper import figures_for
+from bringup.report.plots import time_plots
+from bringup.report.svg import charts_of, draw
+from bringup.ros.health import NodeHealth
 from bringup.summary import WINDOW_S, injected_faults, summarise
-from bringup.svg import charts_of, draw
 
 _METRICS = (
     ("command_change_rpm", "Change of the commanded compressor speed at rest", "rpm", "+.2f"),

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from bringup.bag import RawBag, decode, read_raw
-from bringup.cdr import restamped, stamp_ns
+from bringup.bags.reader import RawBag, decode, read_raw
 from bringup.designs import ATTACHMENT, DESIGNED
 from bringup.errors import BringupError, RunError
-from bringup.graph import MODULES, node_arguments, node_parameters
-from bringup.processes import Child, Domain, ros_environment, start, stop
+from bringup.ros.cdr import restamped, stamp_ns
+from bringup.ros.graph import MODULES, node_arguments, node_parameters
+from bringup.ros.processes import Child, Domain, ros_environment, start, stop
 from bringup.scenario import check
 from bringup.topics import NAMESPACE, PLANT, RECORDER, TOPICS, Topic
 
@@ -158,8 +158,8 @@ def _feed(
     child: Child, environment: dict[str, str], ticks: list[_Tick], progress: Callable[[int, int], None] | None
 ) -> ReplayResult:
     """One tick after another: publish its inputs, wait for all the outputs it had."""
-    from bringup.feeder import Feeder
-    from bringup.supervisor import Supervisor
+    from bringup.bags.feeder import Feeder
+    from bringup.ros.supervisor import Supervisor
 
     result = ReplayResult(child.name, ticks=len(ticks))
     with Supervisor({child.name: child}, environment) as supervisor:

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from bringup.errors import RunError
-from bringup.graph import MODULES, GraphRun, run_graph
-from bringup.processes import PARENT_VARIABLE, Domain, ros_environment
+from bringup.ros.graph import MODULES, GraphRun, run_graph
+from bringup.ros.processes import PARENT_VARIABLE, Domain, ros_environment
 from bringup.scenario import load
 from bringup.topics import PLANT, RECORDER
 
@@ -151,10 +151,10 @@ class _Use:
 
 
 def _start_host_noise(realtime_s: float) -> "list[subprocess.Popen[str]]":
-    """Watch, on each processor, how late the machine wakes a process that is always next: `bringup.host_noise`."""
+    """Watch, on each processor, how late the machine wakes a process that is always next: `host_noise`."""
     return [
         subprocess.Popen(
-            [sys.executable, "-m", "bringup.host_noise", f"{realtime_s + 5.0:g}", "0.01", str(processor)],
+            [sys.executable, "-m", "bringup.bench.host_noise", f"{realtime_s + 5.0:g}", "0.01", str(processor)],
             stdout=subprocess.PIPE,
             text=True,
             env={**os.environ, PARENT_VARIABLE: str(os.getpid())},
@@ -165,13 +165,13 @@ def _start_host_noise(realtime_s: float) -> "list[subprocess.Popen[str]]":
 
 
 def bare_chain(ticks: int, period_s: float = 0.0) -> dict[str, float]:
-    """Figures of the bare chain over `ticks`: see `bringup.bare_chain`."""
+    """Figures of the bare chain over `ticks`: see `bringup.bench.bare_chain`."""
     domain = Domain()
     environment = {**os.environ, **ros_environment(), "ROS_DOMAIN_ID": str(domain.number)}
     environment[PARENT_VARIABLE] = str(os.getpid())
     processes = {
         name: subprocess.Popen(
-            [sys.executable, "-m", "bringup.bare_chain", name, str(ticks), str(period_s)],
+            [sys.executable, "-m", "bringup.bench.bare_chain", name, str(ticks), str(period_s)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

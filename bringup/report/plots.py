@@ -6,8 +6,8 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from bringup.panels import GREEN, GREY, PURPLE, Line, Panel, instants, panels_of, readable_range
 from bringup.recording import Recording
+from bringup.report.panels import GREEN, GREY, PURPLE, Line, Panel, instants, panels_of, readable_range
 from bringup.summary import injected_faults
 from bringup.topics import FAULTS
 

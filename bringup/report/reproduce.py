@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 from bringup.errors import BringupError
 from bringup.loop import designs_at, simulate
-from bringup.panels import BLUE, GREEN, VERMILION
-from bringup.paper import ACCOMMODATION
 from bringup.recording import Recording
-from bringup.reproduce_page import page
+from bringup.report.panels import BLUE, GREEN, VERMILION
+from bringup.report.paper import ACCOMMODATION
+from bringup.report.reproduce_page import page
+from bringup.report.svg import Chart, Curve, charts_of, draw
+from bringup.report.verdicts import AGREES, DIFFERS, Experiment, Finding, at_least, at_most, near, noted, toward
 from bringup.scenario import DEFAULT_SAMPLE_TIME_S, Air, load
 from bringup.summary import summarise
-from bringup.svg import Chart, Curve, charts_of, draw
 from bringup.units import KPA, RPM
-from bringup.verdicts import AGREES, DIFFERS, Experiment, Finding, at_least, at_most, near, noted, toward
 
 POINTS = ("low", "med", "high")
 #: A residual has this long to arrive at its fault, s.

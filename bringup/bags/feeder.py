@@ -4,10 +4,10 @@ import time
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from bringup.cdr import stamp_ns
-from bringup.messages import message_class
-from bringup.node_shell import LOOP_QOS
-from bringup.supervisor import Supervisor
+from bringup.ros.cdr import stamp_ns
+from bringup.ros.messages import message_class
+from bringup.ros.node_shell import LOOP_QOS
+from bringup.ros.supervisor import Supervisor
 from bringup.topics import NAMESPACE, TOPICS, Topic
 
 

@@ -12,10 +12,10 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 
-from bringup.bag import decode
-from bringup.cdr import read_diagnostics
-from bringup.messages import message_class
-from bringup.processes import ros_environment
+from bringup.bags.reader import decode
+from bringup.ros.cdr import read_diagnostics
+from bringup.ros.messages import message_class
+from bringup.ros.processes import ros_environment
 from bringup.topics import BY_NAME, DIAGNOSTICS, NAMESPACE
 
 #: The rate is that of the messages of so many seconds.

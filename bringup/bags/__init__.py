@@ -1,0 +1,1 @@
+"""ROS 2 bags: writing, reading, feeding them through a node again."""

@@ -1,0 +1,1 @@
+"""Speed, start, latency and memory, beside a bare chain of processes."""

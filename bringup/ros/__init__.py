@@ -1,0 +1,1 @@
+"""The ROS edge: messages, the shell that all nodes share, processes, the graph of them."""
