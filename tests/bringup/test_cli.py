@@ -5,8 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
+
+import bringup.commands
 
 
 def acftc(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
@@ -42,9 +45,23 @@ assert not heavy, heavy
 def test_every_command_has_help_with_an_example():
     from bringup.cli import cli
 
-    for name, command in cli.commands.items():
+    context = click.Context(cli)
+    commands = {name: cli.get_command(context, name) for name in cli.list_commands(context)}
+    folder = Path(bringup.commands.__file__).parent
+    helpers = {"__init__", "options", "outcome"}
+    assert set(commands) == {module.stem for module in folder.glob("*.py")} - helpers
+    for name, command in commands.items():
+        assert command is not None
         assert command.help, name
         assert f"acftc {name}" in (command.epilog or ""), f"{name} --help shows no example"
+        assert len(command.get_short_help_str(200)) <= 60, f"{name}: the list of commands wraps"
+
+
+def test_acftc_alone_shows_help():
+    result = acftc()
+    assert result.returncode == 2
+    assert result.stderr == acftc("--help").stdout
+    assert "Exit codes" in result.stderr
 
 
 def test_scenarios_lists_the_built_in_ones():
@@ -79,6 +96,7 @@ def test_usage_errors_are_one_line():
     assert_one_line(acftc("simulate"), 2, "SCENARIO", "acftc simulate --help")
     assert_one_line(acftc("simulate", "nominal", "--sett", "a=1"), 2, "--sett")
     assert_one_line(acftc("run", "nominal", "--mode", "fast"), 2, "fast", "lockstep", "realtime")
+    assert_one_line(acftc("run", "nominal", "--mode", "realtme"), 2, "did you mean 'realtime'")
 
 
 def test_an_earlier_recording_is_not_overwritten(tmp_path: Path):

@@ -1,0 +1,39 @@
+"""`acftc bench`: the benchmarks."""
+
+import click
+
+from bringup.commands.options import examples, json_option
+from bringup.console import print_json, print_table, say
+from bringup.errors import RunError
+
+
+@click.command(
+    epilog=examples("acftc bench", "acftc bench --realtime 10 --json"),
+    short_help="Speed, start, latency, memory, measured.",
+)
+@click.option("--realtime", "realtime_s", default=60.0, show_default=True, help="Length of the run at 100 Hz, s.")
+@click.option("--ticks", default=1000, show_default=True, help="Ticks of each lockstep run.")
+@json_option
+def bench(realtime_s: float, ticks: int, as_json: bool) -> None:
+    """Measure the graph beside a bare chain of processes that moves the same messages and computes nothing.
+
+    Takes some two minutes, and wants the machine for itself. Exit code 1 when a bar is missed.
+    """
+    from bringup.bench.figures import as_dicts
+    from bringup.bench.figures import bench as measure
+
+    figures = measure(ticks=ticks, realtime_s=realtime_s, say=say)
+    if as_json:
+        print_json(as_dicts(figures))
+    else:
+        rows = []
+        for figure in figures:
+            bar = "" if figure.bar is None else f"{'>=' if figure.at_least else '<='} {figure.bar:g}"
+            beside = "" if figure.reference is None else f"{figure.reference:.4g}"
+            verdict = {None: "", True: "ok", False: "missed"}[figure.passed]
+            rows.append([figure.name, f"{figure.ours:.4g} {figure.unit}", beside, bar, verdict])
+        print_table(["", "ours", "bare chain", "bar", ""], rows)
+    missed = [figure.name.strip() for figure in figures if figure.passed is False]
+    if missed:
+        msg = f"missed: {', '.join(missed)}"
+        raise RunError(msg)

@@ -1,0 +1,23 @@
+"""`acftc completion`: what makes a shell complete this command line."""
+
+import click
+from click.shell_completion import get_completion_class
+
+from bringup.commands.options import OneOf, examples
+
+
+@click.command(
+    epilog=examples(
+        'eval "$(acftc completion bash)"                                     now; or in ~/.bashrc',
+        'eval "$(acftc completion zsh)"                                      now; or in ~/.zshrc',
+        "acftc completion fish > ~/.config/fish/completions/acftc.fish       from the next shell on",
+    ),
+    short_help="Make the shell complete commands, options and scenarios.",
+)
+@click.argument("shell", type=OneOf(["bash", "zsh", "fish"]))
+@click.pass_context
+def completion(ctx: click.Context, shell: str) -> None:
+    """Print what makes SHELL complete commands, options, scenarios, node names and files."""
+    make = get_completion_class(shell)
+    assert make is not None  # click knows these three
+    click.echo(make(ctx.find_root().command, {}, "acftc", "_ACFTC_COMPLETE").source())

@@ -1,0 +1,51 @@
+"""`acftc equilibria`: the operating points beside the paper's Table I."""
+
+import click
+
+from bringup.commands.options import examples, json_option
+from bringup.console import print_json, print_table
+
+
+@click.command(
+    epilog=examples("acftc equilibria", "acftc equilibria --json"),
+    short_help="The three operating points beside the paper's Table I.",
+)
+@json_option
+def equilibria(as_json: bool) -> None:
+    """Show the three operating points that the solver finds, beside the paper's Table I."""
+    from ac_plant_node import TABLE_I, operating_point
+    from bringup.units import KPA, RPM
+
+    points = [(row, operating_point(row.name)) for row in TABLE_I]
+    content = {
+        row.name: {
+            "compressor_speed_rpm": float(point.inputs[0]) / RPM,
+            "valve_opening_percent": 100.0 * float(point.inputs[1]),
+            "air_mass_flow_kg_s": float(point.inputs[2]),
+            "air_inlet_temperature_c": float(point.inputs[3]),
+            "evaporator_pressure_kpa": float(point.outputs[0]) / KPA,
+            "table_i_evaporator_pressure_kpa": row.evaporator_pressure_kpa,
+            "superheat_k": float(point.outputs[1]),
+            "table_i_superheat_k": row.superheat_k,
+            "wall_temperature_c": float(point.outputs[2]),
+            "condenser_pressure_kpa": float(point.outputs[3]) / KPA,
+            "subcooling_k": float(point.subcooling_k),
+            "mass_flow_kg_s": float(point.mass_flow_kg_s),
+            "cooling_power_kw": float(point.cooling_power_w) / 1e3,
+            "compressor_power_kw": float(point.compressor_power_w) / 1e3,
+            "cop": float(point.cop),
+        }
+        for row, point in points
+    }
+    if as_json:
+        print_json(content)
+        return
+    units = {"rpm": "rpm", "percent": "%", "kg_s": "kg/s", "c": "°C", "kpa": "kPa", "k": "K", "kw": "kW"}
+    rows = []
+    for key in next(iter(content.values())):
+        unit = next((name for end, name in units.items() if key.endswith(f"_{end}")), "")
+        name = key.replace("table_i_", "Table I: ").replace("_", " ")
+        for end in units:
+            name = name.removesuffix(f" {end.replace('_', ' ')}")
+        rows.append([name, unit, *(f"{content[row.name][key]:.6g}" for row, _ in points)])
+    print_table(["quantity", "unit", *content], rows)

@@ -1,0 +1,114 @@
+"""What `run` and `simulate` share: the folder of the results, and what is written and said at the end."""
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bringup.console import print_json, print_table, say
+from bringup.errors import BringupError, one_line
+
+if TYPE_CHECKING:
+    from bringup.recording import Recording
+    from bringup.ros.health import NodeHealth
+    from bringup.scenario import Scenario
+
+
+def load_scenario(scenario: str, overrides: tuple[str, ...], passive: bool) -> "Scenario":
+    """Load a scenario with what the command line changes in it."""
+    from bringup.scenario import load
+
+    return load(scenario, (*overrides, "passive=true") if passive else overrides)
+
+
+def prepare_folder(folder: Path, force: bool) -> Path:
+    """Make the folder of the results; refuse to lose a recording that is there."""
+    make_folder(folder)
+    bag = folder / "bag"
+    if not any(bag.glob("*.mcap")):
+        return folder
+    if not force:
+        msg = f"{bag}: holds the recording of an earlier run; choose another --out, or --force to overwrite it"
+        raise BringupError(msg)
+    strange = [item.name for item in bag.iterdir() if item.suffix not in (".mcap", ".yaml")]
+    if strange:
+        msg = f"{bag}: holds {strange[0]!r}, which is not part of a recording; move it away first"
+        raise BringupError(msg)
+    for item in bag.iterdir():
+        item.unlink()
+    bag.rmdir()
+    return folder
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder, or say in one line why nothing can be written there."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as problem:
+        msg = f"{folder}: cannot be written to: {one_line(problem.strerror)}"
+        raise BringupError(msg) from None
+
+
+def node_health(bag: Path) -> "list[NodeHealth]":
+    """How the nodes of a recorded run fared."""
+    from bringup.bags.reader import health_reports, read_raw
+    from bringup.ros.health import health_of
+
+    return health_of(health_reports(read_raw(bag)))
+
+
+def finish(recording: "Recording", folder: Path, as_json: bool, health: "Sequence[NodeHealth]" = ()) -> None:
+    """Write summary and report of a run, and say where they are."""
+    from bringup.report.page import write_report
+    from bringup.summary import summarise, write_summary
+
+    summary = summarise(recording)
+    write_summary(summary, folder / "summary.json")
+    other, note = companion(recording)
+    write_report(folder / "report.html", recording, other, note, health)
+    if as_json:
+        print_json(summary)
+    else:
+        _print_summary(summary)
+        say(f"wrote {folder / 'summary.json'} and {folder / 'report.html'}")
+
+
+def companion(recording: "Recording") -> "tuple[Recording | None, str]":
+    """Give the passive run to show beside an active one with faults, and the sentence that says where it is from."""
+    from bringup.loop import simulate as simulate_loop
+    from bringup.scenario import check
+
+    if recording.metadata["passive"] or not recording.metadata["scenario"].get("faults"):
+        return None, ""
+    try:
+        passive = simulate_loop(check(recording.metadata["scenario"], "scenario of the recording"), passive=True)
+    except BringupError as problem:
+        return None, f"The passive run beside it could not be simulated: {problem}."
+    return passive, "The passive run beside it was simulated in one process from the same scenario."
+
+
+def _print_summary(summary: dict[str, Any]) -> None:
+    rows = [
+        ["ticks", f"{summary['ticks']} at {summary['sample_time_s']:g} s, {summary['missed_ticks']} missed"],
+        ["speed", _speed(summary)],
+    ]
+    for fault in summary["faults"]:
+        named = "not isolated"
+        if fault["isolated_as"] is not None:
+            after = fault["isolated_s"] - fault["onset_s"]
+            named = f"isolated as {fault['isolated_as']} after {after:.1f} s"
+        rows.append([f"{fault['size']:g} {fault['unit']} at {fault['onset_s']:g} s", named])
+    rows.append(["false alarms", str(summary["false_alarms"])])
+    units = {"rpm": "rpm", "kpa": "kPa", "k": "K"}
+    for key, value in summary["metrics"].items():
+        name, _, unit = key.rpartition("_")
+        rows.append([name.replace("_", " "), "–" if value is None else f"{value:.3f} {units[unit]}"])
+    kind = "passive" if summary["passive"] else "active"
+    print_table([summary["scenario"], f"{summary['mode']}, {kind}"], rows)
+
+
+def _speed(summary: dict[str, Any]) -> str:
+    factor = summary["real_time_factor"]
+    return "–" if factor is None else f"{factor:.1f} times real time ({summary['wall_seconds']:.2f} s)"

@@ -1,0 +1,48 @@
+"""`acftc replay`: a bag through one node again."""
+
+from pathlib import Path
+
+import click
+
+from bringup.commands.options import bag_argument, examples, json_option
+from bringup.console import print_json, progress_bar, say
+from bringup.errors import RunError, one_line
+
+
+@click.command(
+    epilog=examples("acftc replay results/e5/bag --node fdi"), short_help="Feed a bag through one node again."
+)
+@bag_argument
+@click.option("--node", required=True, metavar="NAME", help="fdi, compensator, gimc_controller, ac_plant, ...")
+@json_option
+def replay(bag: Path, node: str, as_json: bool) -> None:
+    """Feed a bag's inputs through the real node again, over DDS, and compare its answers with the recorded ones.
+
+    Exit code 1 when they differ by more than the rounding of another processor.
+    """
+    from bringup.bags.replay import replay as replay_node
+
+    with progress_bar(f"replay of {node}") as progress:
+        result = replay_node(bag, node, progress)
+    if as_json:
+        print_json(
+            {
+                "node": result.node,
+                "ticks": result.ticks,
+                "compared": result.compared,
+                "identical": result.identical,
+                "different": result.different,
+                "largest_relative_difference": result.largest_relative_difference,
+                "same": result.same,
+            }
+        )
+    else:
+        click.echo(
+            f"{result.node}: {result.ticks} ticks, {result.compared} messages compared, {result.identical} of them "
+            f"identical; largest relative difference {result.largest_relative_difference:.3g}"
+        )
+    if not result.same:
+        for line in result.differences:
+            say(one_line(line))
+        msg = f"{node}: {result.different} of {result.compared} messages differ from the recorded ones"
+        raise RunError(msg)

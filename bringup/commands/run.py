@@ -1,0 +1,71 @@
+"""`acftc run`: every node as a process of its own, recorded."""
+
+from pathlib import Path
+from typing import Literal
+
+import click
+
+from bringup.commands.options import (
+    OneOf,
+    examples,
+    force_option,
+    json_option,
+    out_option,
+    passive_option,
+    scenario_argument,
+    set_option,
+)
+from bringup.commands.outcome import finish, load_scenario, node_health, prepare_folder
+from bringup.console import progress_bar
+from bringup.errors import BringupError, InterruptedRunError, RunError
+
+
+@click.command(
+    epilog=examples(
+        "acftc run actuator_fault --out results/e5",
+        "acftc run sensor_fault --passive --set faults.0.size_kpa=3 --out results/weak",
+        "acftc run my_scenario.yaml --mode realtime",
+    ),
+    short_help="Run a scenario with all nodes: bag, summary, report.",
+)
+@scenario_argument
+@out_option
+@click.option(
+    "--mode",
+    type=OneOf(["lockstep", "realtime"]),
+    default="lockstep",
+    show_default=True,
+    help="As fast as the machine allows and repeatable to the last bit, or on the wall clock.",
+)
+@passive_option
+@set_option
+@force_option
+@json_option
+def run(
+    scenario: str,
+    out: Path | None,
+    mode: Literal["lockstep", "realtime"],
+    passive: bool,
+    overrides: tuple[str, ...],
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Run SCENARIO with every node as a process of its own, record it, and write summary and report.
+
+    SCENARIO is a built-in name (acftc scenarios) or the path of a YAML file. DIR gets bag/ (a ROS 2 bag),
+    summary.json, report.html and report.svg.
+    """
+    chosen = load_scenario(scenario, overrides, passive)
+    folder = prepare_folder(out or Path("results") / chosen.name, force)
+
+    from bringup.bags.reader import read_bag
+    from bringup.ros.graph import run_graph
+
+    with progress_bar(f"{chosen.name} ({mode})") as progress:
+        try:
+            run_graph(chosen, folder, mode=mode, progress=progress)
+        except BringupError as problem:
+            # The input has been checked by now: what fails here is the run.
+            kind = InterruptedRunError if isinstance(problem.__context__, KeyboardInterrupt) else RunError
+            raise kind(str(problem)) from problem
+    finish(read_bag(folder / "bag"), folder, as_json, node_health(folder / "bag"))

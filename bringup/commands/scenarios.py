@@ -1,0 +1,20 @@
+"""`acftc scenarios`: what can be run."""
+
+import click
+
+from bringup.commands.options import examples, json_option
+from bringup.console import print_json, print_table
+
+
+@click.command(epilog=examples("acftc scenarios"))
+@json_option
+def scenarios(as_json: bool) -> None:
+    """List the built-in scenarios."""
+    from bringup.scenario import built_in_scenarios, load
+
+    known = {name: load(name) for name in built_in_scenarios()}
+    if as_json:
+        print_json({name: item.model_dump(mode="json") for name, item in known.items()})
+        return
+    rows = [[name, f"{item.duration_s:g} s", item.description] for name, item in known.items()]
+    print_table(["scenario", "duration", "what happens"], rows)

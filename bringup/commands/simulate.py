@@ -1,0 +1,43 @@
+"""`acftc simulate`: the same loop in one process, without ROS."""
+
+from pathlib import Path
+
+import click
+
+from bringup.commands.options import (
+    examples,
+    force_option,
+    json_option,
+    out_option,
+    passive_option,
+    scenario_argument,
+    set_option,
+)
+from bringup.commands.outcome import finish, load_scenario, prepare_folder
+from bringup.console import progress_bar
+
+
+@click.command(
+    epilog=examples(
+        "acftc simulate sensor_fault --out results/e6",
+        "acftc simulate actuator_fault --set operating_point=high --json",
+    ),
+    short_help="Run a scenario in one process, without ROS.",
+)
+@scenario_argument
+@out_option
+@passive_option
+@set_option
+@force_option
+@json_option
+def simulate(
+    scenario: str, out: Path | None, passive: bool, overrides: tuple[str, ...], force: bool, as_json: bool
+) -> None:
+    """Run SCENARIO in one process without ROS: the same step functions, the same summary and report."""
+    from bringup.loop import simulate as simulate_loop
+
+    chosen = load_scenario(scenario, overrides, passive)
+    folder = prepare_folder(out or Path("results") / f"{chosen.name}_simulated", force)
+    with progress_bar(f"{chosen.name} (simulation)") as progress:
+        recording = simulate_loop(chosen, progress=progress)
+    finish(recording, folder, as_json)

@@ -1,0 +1,31 @@
+"""`acftc topics`: what flows between the nodes right now."""
+
+import contextlib
+
+import click
+
+from bringup.commands.options import examples, json_option
+from bringup.console import print_json
+
+
+@click.command(
+    epilog=examples("acftc topics", "acftc topics --json | jq '.[].name'"),
+    short_help="What flows between the nodes of a running graph.",
+)
+@json_option
+def topics(as_json: bool) -> None:
+    """Show the topics of the running loop: type, rate, last value, publishers and subscribers; Ctrl-C ends it.
+
+    Looks into the ROS domain of ROS_DOMAIN_ID, 0 when it is not set: where `acftc run` puts a graph by default. With
+    --json it watches for two seconds and prints what it has seen.
+    """
+    from bringup.ros.watch import table, topics_live, topics_once
+
+    if as_json:
+        print_json(topics_once())
+        return
+    from rich.live import Live
+
+    with Live(auto_refresh=False) as live, contextlib.suppress(KeyboardInterrupt):
+        for rows in topics_live():
+            live.update(table(rows), refresh=True)
