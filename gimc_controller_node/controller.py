@@ -3,13 +3,14 @@
 U~ and V~ - I share their state matrix, so both run as one filter with the state `xi` (reading `u` back, as the GIMC
 structure does, instead of inverting V~):
 
-    u_k      = C_k xi_k + D_k (r_k - y_k) + q_k
-    xi_{k+1} = Phi xi_k + Gamma_e (r_k - y_k) - Gamma_u u_k
+    u_k      = sat(C_k xi_k + D_k (r_k - y_k) + q_k)
+    xi_{k+1} = Phi xi_k + Gamma_e (r_k - y_k) + Gamma_u u_k
 
-What is read back is the command after its limits: the states then stay consistent with what the plant really gets,
-which is the anti-windup of this form.
+What is read back is the command after its limits, in size and in rate: the states then stay consistent with what the
+plant really gets, which is the anti-windup of this form.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,9 @@ from numpy.typing import NDArray
 from fdi_node.cache import Arrays
 
 Vector = NDArray[np.float64]
+
+Q_FADE_S = 0.5
+"""Time constant with which q fades out when it stops arriving, and with which it is met again when it is back."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,8 @@ class ControllerDesign:
         Command at the operating point [rad/s, 0..1].
     command_min, command_max : ndarray, shape (2,)
         Limits of the command [rad/s, 0..1].
+    command_rate : ndarray, shape (2,)
+        Limits of its rate of change, up and down [rad/s^2, 1/s].
     sample_time_s : float
     """
 
@@ -47,24 +53,54 @@ class ControllerDesign:
     command_rest: Vector
     command_min: Vector
     command_max: Vector
+    command_rate: Vector
     sample_time_s: float
 
     @classmethod
     def from_arrays(cls, arrays: Arrays) -> "ControllerDesign":
-        """Design from the arrays that the cache stores."""
-        matrices = {name: np.ascontiguousarray(arrays[name]) for name in cls.__dataclass_fields__}
+        """Design from the arrays that the cache stores; those in bags from before there was a rate limit have none."""
+        known = {"command_rate": np.full(2, np.inf), **arrays}
+        matrices = {name: np.ascontiguousarray(known[name]) for name in cls.__dataclass_fields__}
         return cls(**{**matrices, "sample_time_s": float(arrays["sample_time_s"])})  # type: ignore[arg-type]
 
 
 class Controller:
-    """The controller's state and its step."""
+    """The controller's state and its step.
+
+    A new controller stands at the operating point: its first command may leave `command_rest` by one tick's worth of
+    rate. One that is to take over from something else calls `resume` first.
+
+    Parameters
+    ----------
+    design : ControllerDesign
+
+    Attributes
+    ----------
+    at_limit : tuple of bool
+        Whether the last command of compressor and valve was held back by a limit, in size or in rate.
+    """
 
     def __init__(self, design: ControllerDesign) -> None:
         self.design = design
-        self._state = np.zeros(len(design.phi))
-        self._inputs = np.zeros(4)
+        n = len(design.phi)
+        self._n = n
+        self._in = np.zeros(n + 4)  # state, r - y, command
+        self._state, self._error, self._deviation = self._in[:n], self._in[n : n + 2], self._in[n + 2 :]
+        self._seen = self._in[: n + 2]
+        self._output = np.ascontiguousarray(np.hstack([design.c, design.d]))
+        self._update = np.ascontiguousarray(np.hstack([design.phi, design.gamma]))
+        self._wanted, self._next = np.zeros(2), np.zeros(n)
+        self._q, self._q_offset = np.zeros(2), np.zeros(2)
+        self._q_silent = self._q_met = False
+        self._q_keeps = math.exp(-design.sample_time_s / Q_FADE_S)
+        self._last: list[float] = design.command_rest.tolist()
+        self._rest: list[float] = design.command_rest.tolist()
+        self._low: list[float] = design.command_min.tolist()
+        self._high: list[float] = design.command_max.tolist()
+        self._stride: list[float] = (design.command_rate * design.sample_time_s).tolist()
+        self.at_limit = (False, False)
 
-    def step(self, reference: Vector, measured: Vector, q: Vector) -> Vector:
+    def step(self, reference: Vector, measured: Vector, q: Vector | None) -> Vector:
         """Command of this tick.
 
         Parameters
@@ -73,19 +109,79 @@ class Controller:
             Evaporator pressure [Pa] and superheat [K] wanted.
         measured : ndarray, shape (2,) or longer
             The same two, as measured; what follows is not used.
-        q : ndarray, shape (2,)
-            The compensator's signal [rad/s, 0..1].
+        q : ndarray, shape (2,), or None
+            The compensator's signal [rad/s, 0..1]. None: there is none this tick; the last one fades out with the time
+            constant `Q_FADE_S`, which leaves K0. When there is one again, the difference to what is left of the old
+            one fades in the same way. No switching moves the command by more than a tick's part of that.
 
         Returns
         -------
         ndarray, shape (2,)
-            Compressor speed [rad/s] and valve opening [0..1], within their limits.
+            Compressor speed [rad/s] and valve opening [0..1], within their limits, and within their rates of the
+            command before. This is what the plant must get, and what the observer must be told.
+        """
+        np.subtract(reference, measured[:2], out=self._error)
+        np.dot(self._output, self._seen, out=self._wanted)
+        self._wanted += self._faded(q)
+        speed, valve = self._wanted.tolist()
+        rest, last, low, high, stride = self._rest, self._last, self._low, self._high, self._stride
+        speed, valve = speed + rest[0], valve + rest[1]
+        sent_speed = min(max(speed, low[0], last[0] - stride[0]), high[0], last[0] + stride[0])
+        sent_valve = min(max(valve, low[1], last[1] - stride[1]), high[1], last[1] + stride[1])
+        self.at_limit = (sent_speed != speed, sent_valve != valve)
+        last[0], last[1] = sent_speed, sent_valve
+        self._deviation[0], self._deviation[1] = sent_speed - rest[0], sent_valve - rest[1]
+        np.dot(self._update, self._in, out=self._next)
+        self._state[:] = self._next
+        return np.array([sent_speed, sent_valve])
+
+    def resume(self, command: Vector, measured: Vector, reference: Vector) -> None:
+        """Take over from whatever moves the actuators now, without a jump.
+
+        Call it once, before the first `step`, with what that step will see. With the same reference, measurement and
+        no q the first command then is `command` (within its limits), and K0 goes on from there: the state is the one
+        in which the loop would rest with these actuators, so the integrators, not a proportional part, take up the
+        error that is there. A q that arrives in the first tick is met with its fade.
+
+        Parameters
+        ----------
+        command : ndarray, shape (2,)
+            What the actuators do now: compressor speed [rad/s], valve opening [0..1].
+        measured : ndarray, shape (2,) or longer
+            Evaporator pressure [Pa] and superheat [K] now.
+        reference : ndarray, shape (2,)
+            The same two, as wanted.
+
+        Raises
+        ------
+        ValueError
+            When a number is not finite.
         """
         design = self.design
+        sent = np.minimum(np.maximum(command, design.command_min), design.command_max)
         error = reference - measured[:2]
-        wanted = design.c @ self._state + design.d @ error + q + design.command_rest
-        command: Vector = np.minimum(np.maximum(wanted, design.command_min), design.command_max)
-        self._inputs[:2] = error
-        self._inputs[2:] = command - design.command_rest
-        self._state = design.phi @ self._state + design.gamma @ self._inputs
-        return command
+        if not (np.isfinite(sent).all() and np.isfinite(error).all()):
+            raise ValueError(f"cannot resume from command {command}, measured {measured}, reference {reference}")
+        at_rest = np.linalg.solve(np.eye(self._n) - design.phi, design.gamma[:, 2:])  # xi under a unit command held
+        missing = sent - design.command_rest - design.d @ error
+        self._state[:] = at_rest @ np.linalg.lstsq(design.c @ at_rest, missing, rcond=None)[0]
+        self._last[:] = sent.tolist()
+        self._q[:] = self._q_offset[:] = 0.0
+        self._q_silent = True
+
+    def _faded(self, q: Vector | None) -> Vector:
+        """What is used of q: q itself, but for the fades around a silence."""
+        if q is None:
+            self._q *= self._q_keeps
+            self._q_silent = True
+            return self._q
+        if self._q_silent:  # the first one after a silence
+            self._q_silent, self._q_met = False, True
+            np.subtract(self._q, q, out=self._q_offset)
+        if self._q_met:
+            self._q_offset *= self._q_keeps
+            np.add(q, self._q_offset, out=self._q)
+            self._q_met = bool(np.abs(self._q_offset).max() > 1e-12)
+        else:
+            self._q[:] = q
+        return self._q

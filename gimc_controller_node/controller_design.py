@@ -27,9 +27,8 @@ from gimc_controller_node.weights import ControllerWeights
 
 Matrix = NDArray[np.float64]
 
-COMMAND_MIN = np.array([0.0, 0.0])
-COMMAND_MAX = np.array([6000.0 * RPM, 1.0])
-"""Limits of the commands: 0 to 6000 rpm, valve shut to wide open."""
+LIMIT_UNIT = np.array([RPM, 0.01])
+"""Units of `CommandLimits`: rpm and %."""
 
 
 def generalised_plant(model: DesignModel, weights: ControllerWeights) -> control.StateSpace:
@@ -129,8 +128,9 @@ def synthesise(point: str, sample_time_s: float, weights: ControllerWeights) -> 
         "c": factors.C,
         "d": factors.D[:, :2],
         "command_rest": np.array(operating_point(point).inputs[:2]),
-        "command_min": COMMAND_MIN,
-        "command_max": COMMAND_MAX,
+        "command_min": np.array(weights.limits.low) * LIMIT_UNIT,
+        "command_max": np.array(weights.limits.high) * LIMIT_UNIT,
+        "command_rate": np.array(weights.limits.rate) * LIMIT_UNIT,
         "sample_time_s": np.array(sample_time_s),
         "K_a": K.A,
         "K_b": K.B,

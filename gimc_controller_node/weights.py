@@ -6,6 +6,25 @@ from fdi_node.weights import MeasurementNoise
 
 
 @dataclass(frozen=True)
+class CommandLimits:
+    """What compressor and valve can do.
+
+    Attributes
+    ----------
+    low, high : tuple of float
+        Least and largest compressor speed [rpm] and valve opening [%].
+    rate : tuple of float
+        Fastest change, up and down: compressor [rpm/s], valve [%/s]. The defaults are those of an electric scroll
+        compressor, which its inverter takes from standstill to full speed in six seconds, and of a stepper-motor
+        valve with a stroke of four seconds (some 500 steps at 125 a second).
+    """
+
+    low: tuple[float, float] = (0.0, 0.0)
+    high: tuple[float, float] = (6000.0, 100.0)
+    rate: tuple[float, float] = (1000.0, 25.0)
+
+
+@dataclass(frozen=True)
 class ControllerWeights:
     """Weights of the synthesis, in design units (see `fdi_node.design_model`).
 
@@ -29,6 +48,8 @@ class ControllerWeights:
         Speed of V~'s and U~'s poles (see `gimc_controller_node.controller_design.coprime_gain`).
     reduction : float
         What the order reduction may change K0 by, in design units.
+    limits : CommandLimits
+        Of the commands; no part of the synthesis, but of what the controller does.
     """
 
     bandwidth_rad_s: tuple[float, float] = (0.3, 0.1)
@@ -40,6 +61,7 @@ class ControllerWeights:
     disturbance: float = 0.5
     factor_speed: float = 10.0
     reduction: float = 1e-3
+    limits: CommandLimits = CommandLimits()
 
 
 COMPENSATOR_NOISE = MeasurementNoise((0.1, 0.1, 0.05))

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from gimc_controller_node.compensator import Compensator, CompensatorDesign
-from gimc_controller_node.controller import Controller, ControllerDesign
+from gimc_controller_node.controller import Q_FADE_S, Controller, ControllerDesign
+
+NO_Q = np.zeros(2)
 
 
-def integrators(rate: float = 0.1, read_back: float = 0.5) -> ControllerDesign:
+def integrators(rate: float = 0.1, read_back: float = 0.5, rate_limit: float = 1e6) -> ControllerDesign:
     """Two integrators in the V~, U~ form: V~^-1 U~ adds `rate * error` a tick, V~'s poles are at `1 - read_back`."""
     return ControllerDesign(
         phi=(1.0 - read_back) * np.eye(2),
@@ -17,6 +19,7 @@ def integrators(rate: float = 0.1, read_back: float = 0.5) -> ControllerDesign:
         command_rest=np.array([100.0, 0.4]),
         command_min=np.zeros(2),
         command_max=np.array([628.0, 1.0]),
+        command_rate=np.array([rate_limit, 1.0]),
         sample_time_s=0.1,
     )
 
@@ -48,6 +51,39 @@ def test_q_enters_before_the_inverse_of_v() -> None:
     second = controller.step(np.zeros(2), np.zeros(3), np.zeros(2))
     assert first[0] - 100.0 == pytest.approx(1.0)  # V~^-1 = (z - 0.5) / (z - 1): one, then a half for ever
     assert second[0] - 100.0 == pytest.approx(0.5)
+
+
+def test_the_command_keeps_its_rate_and_the_state_knows() -> None:
+    controller = Controller(integrators(rate=50.0, rate_limit=100.0))
+    pushed = [controller.step(np.array([1.0, 0.0]), np.zeros(3), NO_Q)[0] for _ in range(20)]
+    assert np.diff(pushed) == pytest.approx([10.0] * 19)
+    assert controller.at_limit == (True, False)
+    turned = [controller.step(np.array([-1.0, 0.0]), np.zeros(3), NO_Q)[0] for _ in range(3)]
+    assert turned[-1] < turned[-2]  # at once, not when an integral that ran ahead has come back
+
+
+def test_what_was_missing_of_q_fades_out_and_in() -> None:
+    """A silent compensator leaves K0 by and by, one that is back is met by and by; no jump beyond a fade's part."""
+    controller = Controller(integrators(rate=0.0, read_back=0.0))
+    q, part = np.array([5.0, 0.2]), 1.0 - np.exp(-0.1 / Q_FADE_S)
+    commands = [controller.step(NO_Q, NO_Q, q) for _ in range(5)]
+    commands += [controller.step(NO_Q, NO_Q, None) for _ in range(100)]
+    assert commands[-1] == pytest.approx([100.0, 0.4], abs=1e-6)
+    back = [controller.step(NO_Q, NO_Q, q) for _ in range(400)]
+    moves = np.diff(np.array(commands[4:] + back), axis=0)
+    assert (np.abs(moves) <= part * q * (1.0 + 1e-9)).all()
+    assert back[-1] == pytest.approx(commands[4], abs=1e-12)
+
+
+def test_a_controller_that_resumes_begins_with_the_actuators_command() -> None:
+    controller = Controller(integrators())
+    measured, reference = np.array([2.0, 1.0, 0.0]), np.array([3.0, -1.0])
+    controller.resume(np.array([120.0, 0.3]), measured, reference)
+    assert controller.step(reference, measured, None) == pytest.approx([120.0, 0.3], abs=1e-9)
+    controller.resume(np.array([700.0, 0.3]), measured, reference)  # a fault took the actuator beyond the limit
+    assert controller.step(reference, measured, NO_Q) == pytest.approx([628.0, 0.3], abs=1e-9)
+    with pytest.raises(ValueError, match="cannot resume"):
+        controller.resume(np.array([np.nan, 0.3]), measured, reference)
 
 
 TICK = np.ones(3)
