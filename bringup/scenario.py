@@ -79,6 +79,12 @@ class Air(_Part):
     inlet_temperature_k: Annotated[list[Change], AfterValidator(TargetsWithin(-30.0, 30.0))] = []
 
 
+def targets_within(part: type[_Part], key: str) -> TargetsWithin:
+    """Limits of the targets of one list of changes, such as `targets_within(References, "superheat_k")`."""
+    limits = (getattr(constraint, "func", None) for constraint in part.model_fields[key].metadata)
+    return next(limit for limit in limits if isinstance(limit, TargetsWithin))
+
+
 class _Fault(_Part):
     """What both faults share: when, and how it grows."""
 

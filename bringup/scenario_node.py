@@ -1,14 +1,66 @@
-"""Node `scenario`: answers each tick of the plant with that tick's references, air side and faults."""
+"""Node `scenario`: answers each tick of the plant with that tick's references, air side and faults.
+
+References and air follow the scenario and, on top of it, live: set the parameters (``reference.superheat_k``, ...)
+while the loop runs; a change takes ``ramp_s``.
+"""
 
 import json
 import sys
+from collections.abc import Sequence
 
+from rclpy.parameter import Parameter as RosParameter
+
+from bringup.live_offset import LiveOffset
 from bringup.rest import rest_at
 from bringup.ros.node_shell import NodeShell, Parameter, run_node
+from bringup.scenario import Air, References, targets_within
 from bringup.topics import SCENARIO
+from bringup.units import KPA
 
+_P_E = targets_within(References, "evaporator_pressure_kpa")
+_SUPERHEAT = targets_within(References, "superheat_k")
+_FLOW = targets_within(Air, "mass_flow_percent")
+_INLET = targets_within(Air, "inlet_temperature_k")
+
+#: Live changes from what the scenario plays, in the order of a row's references and air.
+OFFSETS = (
+    Parameter(
+        "reference.evaporator_pressure_pa",
+        0.0,
+        "added to the scenario's reference of the evaporator pressure, Pa",
+        _P_E.lowest * KPA,
+        _P_E.highest * KPA,
+        live=True,
+    ),
+    Parameter(
+        "reference.superheat_k",
+        0.0,
+        "added to the scenario's reference of the superheat, K",
+        _SUPERHEAT.lowest,
+        _SUPERHEAT.highest,
+        live=True,
+    ),
+    Parameter(
+        "air.mass_flow_percent",
+        0.0,
+        "added to the scenario's air mass flow, per cent of the operating point's",
+        _FLOW.lowest,
+        _FLOW.highest,
+        live=True,
+    ),
+    Parameter(
+        "air.inlet_temperature_k",
+        0.0,
+        "added to the scenario's air inlet temperature, K",
+        _INLET.lowest,
+        _INLET.highest,
+        live=True,
+    ),
+)
 PARAMETERS = (
     Parameter("scenario", "nominal", "name of a built-in scenario, path of a scenario file, or a scenario as JSON"),
+    Parameter("ramp_s", 0.0, "how long a live change takes, in a straight line; 0: a step", 0.0, 86400.0, live=True),
+    *OFFSETS,
 )
 
 
@@ -17,6 +69,8 @@ class ScenarioNode(NodeShell):
 
     def __init__(self) -> None:
         super().__init__(SCENARIO, PARAMETERS)
+        self._offsets: dict[str, LiveOffset] = {}
+        self.add_post_set_parameters_callback(self._changed)
 
     def configure(self) -> None:
         """Turn the scenario into rows."""
@@ -30,6 +84,8 @@ class ScenarioNode(NodeShell):
         self._rows = list(zip(plan.reference.tolist(), plan.air.tolist(), plan.faults.tolist(), strict=True))
         self._tick_ns = scenario.tick_ns
         self._start_ns: int | None = None
+        self._flow_percent = float(rest["inputs"][2]) / 100.0
+        self._offsets = {parameter.name: LiveOffset(self.value(parameter.name)) for parameter in OFFSETS}
         self.on_tick(("plant/evaporator_pressure",), self._play)
 
     def _play(self, time_ns: int, _p_e: float) -> None:
@@ -37,12 +93,21 @@ class ScenarioNode(NodeShell):
             self._start_ns = time_ns
         tick = round((time_ns - self._start_ns) / self._tick_ns)
         (p_e, superheat), (mass_flow, inlet), (f_n, f_p) = self._rows[min(tick, len(self._rows) - 1)]
+        more_p_e, more_superheat, more_flow, more_inlet = [
+            offset.value(time_ns / 1e9) for offset in self._offsets.values()
+        ]
         self.send(time_ns, "scenario/fault/compressor_speed", f_n)
         self.send(time_ns, "scenario/fault/evaporator_pressure", f_p)
-        self.send(time_ns, "reference/evaporator_pressure", p_e)
-        self.send(time_ns, "reference/superheat", superheat)
-        self.send(time_ns, "scenario/air", mass_flow)
-        self.send(time_ns, "scenario/air_inlet_temperature", inlet)
+        self.send(time_ns, "reference/evaporator_pressure", p_e + more_p_e)
+        self.send(time_ns, "reference/superheat", superheat + more_superheat)
+        self.send(time_ns, "scenario/air", mass_flow + self._flow_percent * more_flow)
+        self.send(time_ns, "scenario/air_inlet_temperature", inlet + more_inlet)
+
+    def _changed(self, parameters: Sequence[RosParameter]) -> None:
+        """Begin the live changes that have been asked for."""
+        for parameter in parameters:
+            if parameter.name in self._offsets:
+                self._offsets[parameter.name].change(parameter.value, self.value("ramp_s"))
 
 
 def main() -> int:

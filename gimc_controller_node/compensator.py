@@ -73,7 +73,8 @@ class Compensator:
     ----------
     design : CompensatorDesign
     accommodate : bool
-        False leaves K0 alone (`q = 0`), for the passive runs.
+        False leaves K0 alone (`q = 0`), for the passive runs. May be changed between two steps: the filters run on
+        either way, and `q` goes to nothing, or comes back, in a straight line over the design's `fade_time_s`.
     """
 
     def __init__(self, design: CompensatorDesign, accommodate: bool = True) -> None:
@@ -82,6 +83,8 @@ class Compensator:
         self._state = np.zeros(len(design.a))
         self._forgotten = np.zeros((2, 6))
         self._correction = np.zeros((2, 2))
+        self._share = float(accommodate)  # of q that is let through
+        self._share_step = design.sample_time_s / design.fade_time_s
         times = (design.handover_time_s, design.fade_time_s, design.washout_time_s)
         self._hands_over, self._fades, self._forgets = (-math.expm1(-design.sample_time_s / time) for time in times)
 
@@ -105,8 +108,6 @@ class Compensator:
         design = self.design
         signals = design.c @ self._state + design.d @ innovation
         self._state = design.a @ self._state + design.b @ innovation
-        if not self.accommodate:
-            return np.zeros(2)
         kept = signals - self._forgotten[1]
         if isolated is None:
             _low_pass(self._forgotten, signals, self._forgets)
@@ -116,7 +117,9 @@ class Compensator:
         else:
             row = 2 + 2 * FAULTS.index(isolated)
             _low_pass(self._correction, kept[row : row + 2] - guard, self._hands_over)
-        q: Vector = guard + self._correction[1]
+        change = self._share_step if self.accommodate else -self._share_step
+        self._share = min(max(self._share + change, 0.0), 1.0)
+        q: Vector = self._share * (guard + self._correction[1]) if self._share > 0.0 else np.zeros(2)
         return q
 
 

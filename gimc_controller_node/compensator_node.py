@@ -1,8 +1,10 @@
 """Node `compensator`: q = Q f_e, with Q_act or Q_sen as the isolation says."""
 
 import sys
+from collections.abc import Sequence
 
 import numpy as np
+from rclpy.parameter import Parameter as RosParameter
 
 from bringup.recording import StatusRow
 from bringup.ros.node_shell import (
@@ -23,7 +25,7 @@ PARAMETERS = (
     SUPERHEAT_SENSOR,
     DESIGN_FILE,
     DESIGN_COPY,
-    Parameter("accommodate", True, "false leaves K0 alone: q is 0 whatever is isolated"),
+    Parameter("accommodate", True, "false leaves K0 alone: q fades to 0 whatever is isolated", live=True),
 )
 
 
@@ -32,6 +34,7 @@ class CompensatorNode(NodeShell):
 
     def __init__(self) -> None:
         super().__init__(COMPENSATOR, PARAMETERS)
+        self.add_post_set_parameters_callback(self._changed)
 
     def configure(self) -> None:
         """Load the design of the operating point."""
@@ -54,6 +57,11 @@ class CompensatorNode(NodeShell):
     def _step(self, time_ns: int, p_e: float, superheat: float, wall: float, status: StatusRow) -> None:
         q = self._compensator.step(np.array([p_e, superheat, wall]), status.isolated, status.also_isolated)
         self.send(time_ns, "compensator/q", *q.tolist())
+
+    def _changed(self, parameters: Sequence[RosParameter]) -> None:
+        """Fade the accommodation in or out while the node runs."""
+        if self.state != "unconfigured" and any(parameter.name == "accommodate" for parameter in parameters):
+            self._compensator.accommodate = self.value("accommodate")
 
 
 def main() -> int:

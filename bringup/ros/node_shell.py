@@ -75,11 +75,11 @@ class Parameter:
     low: float | None = None
     high: float | None = None
     choices: tuple[str, ...] = ()
-    live: bool = False  # may be set while the node runs
+    live: bool = False  # may be set while the node runs; the others only before it is configured
 
     def descriptor(self) -> ParameterDescriptor:
         """What `ros2 param describe` shows."""
-        result = ParameterDescriptor(description=self.description, read_only=not self.live)
+        result = ParameterDescriptor(description=self.description)
         if self.choices:
             result.additional_constraints = "one of: " + ", ".join(self.choices)
         if self.low is not None and self.high is not None:
@@ -372,7 +372,12 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
 
         for given in parameters:
             known = self._parameters_.get(given.name)
-            if known is not None and known.choices and given.value not in known.choices:
+            if known is None:
+                continue
+            if not known.live and self.state != "unconfigured":
+                reason = f"{given.name} cannot be set while the node is {self.state}: clean it up first"
+                return SetParametersResult(successful=False, reason=reason)
+            if known.choices and given.value not in known.choices:
                 reason = f"{given.name} is {given.value!r}; allowed: {', '.join(known.choices)}"
                 return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
