@@ -7,12 +7,16 @@ late by then is counted as a missed tick, and the one before it stays on (zero-o
 
 import sys
 import time
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bringup.rest import rest_at
 from bringup.ros.node_shell import MODE, OPERATING_POINT, SAMPLE_TIME, NodeShell, Parameter, run_node
 from bringup.topics import CLOCK, PLANT, Topic
+
+if TYPE_CHECKING:
+    from ac_plant_node import Plant
 
 PARAMETERS = (
     OPERATING_POINT,
@@ -29,6 +33,7 @@ class PlantNode(NodeShell):
 
     def __init__(self) -> None:
         super().__init__(PLANT, PARAMETERS)
+        self._plant: Plant | None = None
         self._tick = 0
         self._finished = False
         self._missed = 0
@@ -115,6 +120,7 @@ class PlantNode(NodeShell):
 
     def _advance(self) -> None:
         """Step over the tick with the inputs held, and publish the next one."""
+        assert self._plant is not None
         try:
             self._plant_outputs = self._plant.step(self._held, self._sample_time_s)
         except ValueError as problem:
@@ -140,7 +146,18 @@ class PlantNode(NodeShell):
             "command_latency_p50_ms": f"{np.percentile(latencies, 50):.3f}",
             "command_latency_p99_ms": f"{np.percentile(latencies, 99):.3f}",
             "command_latency_max_ms": f"{np.max(latencies):.3f}",
+            **self._truth(),
         }
+
+    def _truth(self) -> dict[str, str]:
+        """Give what no topic tells, for evaluation only: the paper's state and the cooling power."""
+        if self._plant is None:
+            return {}
+        from ac_plant_node.model import STATE_NAMES
+
+        truth = {f"state/{name}": value for name, value in zip(STATE_NAMES, self._plant.state.tolist(), strict=True)}
+        truth["cooling_power_w"] = self._plant.outputs.cooling_power_w
+        return {name: f"{value:.6g}" for name, value in truth.items()}
 
 
 def main() -> int:

@@ -9,7 +9,9 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from bringup.errors import RunError
@@ -31,7 +33,8 @@ class Supervisor:
     so readiness is an event, and a loop starts only when every writer knows every reader.
     """
 
-    def __init__(self, children: Mapping[str, Child], environment: Mapping[str, str]) -> None:
+    def __init__(self, children: Mapping[str, Child | None], environment: Mapping[str, str]) -> None:
+        """Manage `children` by name; None stands for a node whose process is somebody else's."""
         self._children = dict(children)
         self.health: dict[str, dict[str, str]] = {}
         self._replies: dict[tuple[str, int], Any] = {}
@@ -101,6 +104,8 @@ class Supervisor:
                 shown, moved_s = tick, time.monotonic()
                 if progress is not None:
                     progress(tick, ticks)
+            elif self._of(PLANT, "state") != "active":
+                moved_s = time.monotonic()  # paused, by whoever has the right to
             elif time.monotonic() - moved_s > STUCK_S:
                 msg = f"the loop has stood still at tick {tick} for {STUCK_S:g} s"
                 raise RunError(msg)
@@ -112,6 +117,24 @@ class Supervisor:
             self.spin()
         if progress is not None:
             progress(ticks, ticks)
+
+    def state(self, name: str) -> str:
+        """Life-cycle state of a node as it last reported it; empty as long as it has not."""
+        return self._of(name, "state")
+
+    def set_parameters(self, name: str, values: Mapping[str, Any]) -> None:
+        """Set parameters of a node, all of them or none."""
+        client = self.node.create_client(SetParametersAtomically, f"{NAMESPACE}/{name}/set_parameters_atomically")
+        try:
+            self._until(client.service_is_ready, lambda: f"{name} takes no parameters")
+            parameters = [Parameter(key, value=value).to_parameter_msg() for key, value in values.items()]
+            reply = client.call_async(SetParametersAtomically.Request(parameters=parameters))
+            self._until(reply.done, lambda: f"{name} does not answer")
+            if not reply.result().result.successful:
+                msg = f"node {name}: {reply.result().result.reason}"
+                raise RunError(msg)
+        finally:
+            self.node.destroy_client(client)
 
     # -- details ------------------------------------------------------------------------------------------------
 
@@ -184,9 +207,11 @@ class Supervisor:
         """Handle one message or event; complain when a process has died."""
         self._executor.spin_once(timeout_sec=LOOK_S)
         for child in self._children.values():
-            if child.process.poll() is not None:
+            if child is not None and child.process.poll() is not None:
                 raise RunError(self._failed(child.name, "died"))
 
     def _failed(self, name: str, how: str) -> str:
         child = self._children[name]
+        if child is None:
+            return f"node {name} {how}: see its own output"
         return f"node {name} {how}: {child.last_words()} (log: {child.log})"
