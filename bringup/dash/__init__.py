@@ -1,0 +1,4 @@
+"""The live page: a local web page beside a running graph, to watch it and to break things on it.
+
+`rows` and `cycle` are pure; `link` is the page's own ROS node; `page` draws; `server` serves and keeps strangers out.
+"""
