@@ -101,16 +101,19 @@ def load_parameters(path: str | Path | None = None) -> Parameters:
         data = yaml.safe_load(text)
     except OSError as error:
         raise ValueError(f"{source}: cannot be read ({error.strerror})") from error
-    except yaml.YAMLError as error:
-        raise ValueError(f"{source}: not valid YAML ({str(error).splitlines()[0]})") from error
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{source}: not a text file in UTF-8") from error
+    except (yaml.YAMLError, ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
+        # PyYAML's constructors raise more than its own errors: for a date that is none, for nesting without end.
+        raise ValueError(f"{source}: not valid YAML ({' '.join(str(error).split())[:200]})") from error
     if not isinstance(data, dict):
         raise ValueError(f"{source}: expected a mapping of parameter names")
-    unknown = set(data) - set(NAMES) - {"refrigerant"}
+    unknown = [key for key in data if key not in NAMES and key != "refrigerant"]
     if unknown:
-        raise ValueError(f"{source}: unknown parameter {sorted(unknown)[0]!r}")
+        raise ValueError(f"{source}: unknown parameter {str(unknown[0])[:60]!r}")
     refrigerant = data.get("refrigerant")
     if refrigerant not in REFRIGERANTS:
-        raise ValueError(f"{source}: refrigerant {refrigerant!r}, allowed are {', '.join(REFRIGERANTS)}")
+        raise ValueError(f"{source}: refrigerant {str(refrigerant)[:60]!r}, allowed are {', '.join(REFRIGERANTS)}")
     array = np.array([_value(source, name, data.get(name)) for name in NAMES])
     array.setflags(write=False)
     return Parameters(str(refrigerant), array, source)
@@ -123,7 +126,7 @@ def _value(source: str, name: str, entry: Any) -> float:
         raise ValueError(f"{source}: {name} needs value, unit, low, high and reason")
     try:
         value, low, high = (float(entry[key]) for key in ("value", "low", "high"))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{source}: {name} is not a number") from None
     if not low <= value <= high:
         raise ValueError(f"{source}: {name} = {value:g} {entry['unit']} is outside {low:g} to {high:g}")

@@ -1,5 +1,9 @@
 """Designs as files: what a run used travels with its bag, and a node can be given a design of your own."""
 
+import struct
+import tokenize
+import zipfile
+import zlib
 from collections.abc import Callable
 from dataclasses import fields
 from functools import partial
@@ -9,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from bringup.errors import shortened
 from bringup.topics import COMPENSATOR, CONTROLLER, FDI
 
 #: Attachments of a bag: ``design/<node>.npz``.
@@ -45,20 +50,52 @@ def to_bytes(design: Any) -> bytes:
 
 
 def from_file(kind: Any, file: str, sample_time_s: float) -> Any:
-    """Read a design of class `kind` from an ``.npz`` file.
+    """Read a design of class `kind` from an ``.npz`` file and try it for one tick.
 
     Raises
     ------
     ValueError
-        When there is no such file, it holds no such design, or one for another sample time.
+        When there is no such file, it holds no such design, matrices that do not fit or are not finite, or a design for
+        another sample time.
     """
     try:
-        with np.load(Path(file), allow_pickle=False) as arrays:
-            design = kind.from_arrays(dict(arrays))
-    except (OSError, KeyError, TypeError, ValueError) as problem:
-        msg = f"design_file {file}: holds no {kind.__name__}: {problem}"
+        with np.load(BytesIO(Path(file).read_bytes()), allow_pickle=False) as stored:
+            arrays = dict(stored)
+        if not all(array.dtype == np.float64 and np.isfinite(array).all() for array in arrays.values()):
+            msg = "an array of it is not finite numbers"
+            raise ValueError(msg)
+        design = kind.from_arrays(arrays)
+        _try(design)
+    except _BAD_FILE as problem:
+        why = problem.strerror if isinstance(problem, OSError) and problem.strerror else problem
+        msg = f"design_file {shortened(file, 200)}: holds no {kind.__name__}: {shortened(why, 200)}"
         raise ValueError(msg) from None
     if abs(design.sample_time_s - sample_time_s) > 1e-12:
         msg = f"design_file {file}: made for a sample time of {design.sample_time_s:g} s, not {sample_time_s:g} s"
         raise ValueError(msg)
     return design
+
+
+#: What numpy and zipfile raise for a file that is not what it seems.
+_BAD_FILE = (
+    *(OSError, EOFError, LookupError, TypeError, ValueError, SyntaxError, ArithmeticError, MemoryError),
+    *(RuntimeError, NotImplementedError, zipfile.BadZipFile, zlib.error, struct.error, tokenize.TokenError),
+)
+
+
+def _try(design: Any) -> None:
+    """Let the design work for one tick: matrices that do not fit show here, not when the loop runs."""
+    from fdi_node import FaultDetector, FdiDesign
+    from gimc_controller_node import Compensator, CompensatorDesign, Controller, ControllerDesign
+
+    measured, command = np.array([2.5e5, 20.0, 15.0]), np.array([100.0, 0.4])
+    with np.errstate(over="raise", invalid="raise"):
+        if isinstance(design, FdiDesign):
+            detector = FaultDetector(design)
+            detector.observe(0.0, measured, 30.0)
+            detector.commanded(command)
+            detector.observe(design.sample_time_s, measured, 30.0)
+        elif isinstance(design, CompensatorDesign):
+            Compensator(design).step(np.array([1e3, 1.0, 1.0]), None, None)
+        elif isinstance(design, ControllerDesign):
+            Controller(design).step(measured[:2], measured[:2], np.zeros(2))

@@ -22,3 +22,9 @@ class InterruptedRunError(BringupError):
 def one_line(text: object) -> str:
     """`text` as a single line: what an error message or a table cell can hold."""
     return " ".join(str(text).split())
+
+
+def shortened(text: object, length: int = 60) -> str:
+    """`text` as a single line of at most `length` characters: what a message can quote of a bad input."""
+    line = one_line(text)
+    return line if len(line) <= length else line[: length - 3] + "..."

@@ -6,6 +6,7 @@ and the air side are given as changes from the operating point, so one scenario 
 
 import difflib
 import re
+import reprlib
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,12 +17,19 @@ import yaml
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from bringup.errors import BringupError, one_line
+from bringup.errors import BringupError, one_line, shortened
 from bringup.profiles import PROFILE_KEYS, unit_profile
 from bringup.units import KPA, RPM
 
 #: Sample time of the loop when a scenario does not say otherwise, s (10 Hz).
 DEFAULT_SAMPLE_TIME_S = 0.1
+
+#: Longest scenario file, in characters: thousands of changes, and an end to /dev/zero.
+LARGEST_FILE = 250_000
+#: Shortest time that a profile may take, s: the shortest sample time.
+SHORTEST_S = 0.01
+#: Largest seed of random numbers: what a ROS parameter holds on every machine.
+LARGEST_SEED = 2**31 - 1
 
 BUILT_IN = Path(__file__).parent / "scenarios"
 
@@ -91,11 +99,11 @@ class _Fault(_Part):
     onset_s: float = Field(ge=0.0)
     end_s: float | None = None
     profile: Literal["step", "ramp", "sine", "drift", "intermittent", "random_walk"] = "step"
-    rise_s: float | None = Field(default=None, gt=0.0)
-    period_s: float | None = Field(default=None, gt=0.0)
-    time_constant_s: float | None = Field(default=None, gt=0.0)
+    rise_s: float | None = Field(default=None, ge=SHORTEST_S)
+    period_s: float | None = Field(default=None, ge=SHORTEST_S)
+    time_constant_s: float | None = Field(default=None, ge=SHORTEST_S)
     duty_percent: float | None = Field(default=None, gt=0.0, lt=100.0)
-    seed: int | None = Field(default=None, ge=0)
+    seed: int | None = Field(default=None, ge=0, le=LARGEST_SEED)
 
     @model_validator(mode="after")
     def _consistent(self) -> "_Fault":
@@ -148,7 +156,7 @@ class Noise(_Part):
     evaporator_pressure_kpa: float = Field(default=0.0, ge=0.0, le=50.0)
     superheat_k: float = Field(default=0.0, ge=0.0, le=20.0)
     wall_temperature_k: float = Field(default=0.0, ge=0.0, le=20.0)
-    seed: int = Field(default=0, ge=0)
+    seed: int = Field(default=0, ge=0, le=LARGEST_SEED)
 
     @property
     def std(self) -> NDArray[np.float64]:
@@ -267,7 +275,7 @@ def _moves(time_s: NDArray[np.float64], changes: Sequence[Change]) -> NDArray[np
     start = 0.0
     for change in changes:
         progress = (time_s >= change.at_s).astype(np.float64)
-        if change.ramp_s > 0.0:
+        if change.ramp_s > SHORTEST_S:
             progress = np.clip((time_s - change.at_s) / change.ramp_s, 0.0, 1.0)
         offset += (change.to - start) * progress
         start = change.to
@@ -295,17 +303,7 @@ def load(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
         One line naming the file, the key, what was given and what is allowed.
     """
     path = _find(name_or_path)
-    try:
-        content = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
-    except OSError as problem:
-        msg = f"{path}: cannot be read: {problem.strerror}"
-        raise BringupError(msg) from None
-    except UnicodeDecodeError:
-        msg = f"{path}: not a text file in UTF-8"
-        raise BringupError(msg) from None
-    except yaml.YAMLError as problem:
-        msg = f"{path}: not valid YAML: {one_line(problem)}"
-        raise BringupError(msg) from None
+    content = _parsed(_text(path), f"{path}: not valid YAML")
     if not isinstance(content, dict):
         msg = f"{path}: must hold keys and values such as 'duration_s: 600', not {_kind(content)}"
         raise BringupError(msg)
@@ -350,6 +348,36 @@ _Loader.add_implicit_resolver(
 )
 
 
+#: What PyYAML lets through besides its own errors: a date that is none, a number too long, nesting without end.
+_YAML_PROBLEMS = (yaml.YAMLError, ValueError, TypeError, LookupError, AttributeError, RecursionError)
+
+
+def _parsed(text: str, what: str) -> Any:
+    """Content of a YAML text; `what` begins the complaint about a bad one."""
+    try:
+        return yaml.load(text, Loader=_Loader)
+    except _YAML_PROBLEMS as problem:
+        why = "nested too deeply" if isinstance(problem, RecursionError) else shortened(problem, 200)
+        msg = f"{what}: {why}"
+        raise BringupError(msg) from None
+
+
+def _text(path: Path) -> str:
+    try:
+        with path.open(encoding="utf-8") as file:
+            text = file.read(LARGEST_FILE + 1)
+    except OSError as problem:
+        msg = f"{path}: cannot be read: {problem.strerror}"
+        raise BringupError(msg) from None
+    except UnicodeDecodeError:
+        msg = f"{path}: not a text file in UTF-8"
+        raise BringupError(msg) from None
+    if len(text) > LARGEST_FILE:
+        msg = f"{path}: too long for a scenario; allowed: {LARGEST_FILE} characters"
+        raise BringupError(msg)
+    return text
+
+
 def _find(name_or_path: str | Path) -> Path:
     text = str(name_or_path)
     known = built_in_scenarios()
@@ -370,38 +398,35 @@ def _find(name_or_path: str | Path) -> Path:
 def _override(content: dict[str, Any], override: str) -> None:
     """Set one ``dotted.key=value`` in the raw content; the schema then judges it like any other value."""
     key, equals, text = override.partition("=")
+    shown = shortened(override)
     if not equals or not key:
-        msg = f"--set {override}: must be KEY=VALUE, for instance faults.0.size_rpm=60"
+        msg = f"--set {shown}: must be KEY=VALUE, for instance faults.0.size_rpm=60"
         raise BringupError(msg)
-    try:
-        value = yaml.load(text, Loader=_Loader)
-    except yaml.YAMLError:
-        msg = f"--set {override}: the value {text!r} is not valid YAML"
-        raise BringupError(msg) from None
+    value = _parsed(text, f"--set {shown}: the value {_short(text)} is not valid YAML")
     target: Any = content
     *parents, last = key.split(".")
     for depth, part in enumerate(parents):
         where = ".".join(parents[: depth + 1])
         if isinstance(target, list):
-            target = target[_index(part, target, override, where)]
+            target = target[_index(part, target, shown, where)]
         else:
             if target.get(part) is None:
                 target[part] = {}
             target = target[part]
         if not isinstance(target, dict | list):
-            msg = f"--set {override}: {where} is {_kind(target)} and has nothing below it"
+            msg = f"--set {shown}: {shortened(where)} is {_kind(target)} and has nothing below it"
             raise BringupError(msg)
     if isinstance(target, list):
-        target[_index(last, target, override, key)] = value
+        target[_index(last, target, shown, key)] = value
     else:
         target[last] = value
 
 
 def _index(part: str, items: list[Any], override: str, where: str) -> int:
-    if part.isdecimal() and int(part) < len(items):
+    if part.isdecimal() and len(part) < 10 and int(part) < len(items):
         return int(part)
     allowed = f"0 to {len(items) - 1}" if items else "none, the list is empty"
-    msg = f"--set {override}: {where} is not an item of the list; allowed: {allowed}"
+    msg = f"--set {override}: {shortened(where)} is not an item of the list; allowed: {allowed}"
     raise BringupError(msg)
 
 
@@ -434,7 +459,7 @@ def _line(problem: Any) -> str:
     if kind == "union_tag_invalid":
         return f"{prefix}{_unknown('kind', context['tag'], sorted(tags))}"
     if kind == "literal_error":
-        return f"{prefix}given {given!r}; allowed: {context['expected']}"
+        return f"{prefix}given {_short(given)}; allowed: {context['expected']}"
     allowed = one_line(problem["msg"]).replace("Input should be", "must be")
     return f"{prefix}given {_short(given)}; {allowed}"
 
@@ -445,9 +470,12 @@ def _unknown(what: str, given: object, allowed: list[str]) -> str:
     return f"unknown {what} {_short(given)}{hint} allowed: {', '.join(allowed)}"
 
 
+#: Writes values out, but of a list that holds itself a hundred times over only the beginning.
+_REPR = reprlib.Repr(maxdict=2, maxlist=2, maxtuple=2, maxset=2, maxstring=60, maxlong=60, maxother=60)
+
+
 def _short(value: object) -> str:
-    text = one_line(repr(value))
-    return text if len(text) <= 60 else text[:57] + "..."
+    return shortened(_REPR.repr(value))
 
 
 def _kind(value: object) -> str:

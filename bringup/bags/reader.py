@@ -3,11 +3,12 @@
 import json
 import math
 import struct
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import zstandard
@@ -15,15 +16,24 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError
 from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 from mcap.stream_reader import StreamReader
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bringup.bags.recorder import RUN_RECORD
-from bringup.errors import BringupError, one_line
-from bringup.recording import Recording
+from bringup.errors import BringupError, shortened
+from bringup.recording import Recording, StatusRow
 from bringup.ros.cdr import NANOSECONDS, columns, read_diagnostics, stamp_ns, stamps_ns, status_row
-from bringup.topics import BY_NAME, DIAGNOSTICS, NAMESPACE, PLANT
+from bringup.scenario import Scenario, check
+from bringup.topics import BY_NAME, DIAGNOSTICS, NAMESPACE, PLANT, Topic
 
 _SCHEMA, _CHANNEL, _MESSAGE = 0x03, 0x04, 0x05
 _RECORD = struct.Struct("<BQ")
+#: The largest chunk or other record that is read: far more than any recorder writes, and less than fills the memory.
+LARGEST_RECORD = 2**30
+#: Encapsulation and stamp: what every loop message begins with.
+SHORTEST_MESSAGE = 12
+#: The topic with which the plant begins a tick.
+BEAT = "plant/evaporator_pressure"
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 
 
@@ -60,11 +70,11 @@ def read_raw(bag: Path | str) -> RawBag:
     for file in files:
         try:
             with file.open("rb") as stream:
-                _read_file(StreamReader(stream, emit_chunks=True), result)
+                _read_file(StreamReader(stream, emit_chunks=True, record_size_limit=LARGEST_RECORD), result)
         except (EndOfFile, struct.error):
             result.complete = False  # cut short; what is missing from a run shows in its number of ticks
-        except (McapError, zstandard.ZstdError, UnicodeDecodeError) as problem:
-            msg = f"{file}: not a readable MCAP file: {one_line(problem) or type(problem).__name__}"
+        except (McapError, zstandard.ZstdError, UnicodeDecodeError, MemoryError, OverflowError) as problem:
+            msg = f"{file}: not a readable MCAP file: {shortened(problem, 200) or type(problem).__name__}"
             raise BringupError(msg) from None
         except OSError as problem:
             msg = f"{file}: cannot be read: {problem.strerror}"
@@ -72,8 +82,49 @@ def read_raw(bag: Path | str) -> RawBag:
     return result
 
 
+class Run(BaseModel):
+    """What was run, as the recorder was told: the metadata record of a bag."""
+
+    model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False)
+
+    scenario: dict[str, Any]
+    mode: Literal["lockstep", "realtime", "simulate"]
+    passive: bool
+    sample_time_s: float = Field(ge=0.01, le=0.1)
+    ticks: int | None = Field(default=None, ge=0)
+
+
+def run_of(raw: RawBag, bag: Path | str) -> tuple[dict[str, Any], Scenario]:
+    """What was run, checked, and its scenario.
+
+    Raises
+    ------
+    BringupError
+        When the bag holds no run of ours, or one that cannot have been.
+    """
+    if "scenario" not in raw.run:
+        msg = f"{bag}: holds no run of acftc (the metadata record {RUN_RECORD!r} is missing or damaged)"
+        raise BringupError(msg)
+    try:
+        run = Run.model_validate(raw.run).model_dump()
+    except ValidationError as problem:
+        first = problem.errors(include_url=False)[0]
+        where = shortened(".".join(str(part) for part in first["loc"]))
+        msg = f"{bag}: the metadata record {RUN_RECORD!r} is damaged: {where}: {shortened(first['msg'], 200)}"
+        raise BringupError(msg) from None
+    return run, check(run["scenario"], f"{bag}: scenario of the recording")
+
+
+def loop_messages(raw: RawBag, topic: Topic) -> list[bytes]:
+    """Messages of a loop topic that are long enough to have a stamp; the recorder takes whatever is sent to it."""
+    return [data for _, data in raw.messages.get(f"{NAMESPACE}/{topic.name}", []) if len(data) >= SHORTEST_MESSAGE]
+
+
 def read_bag(bag: Path | str) -> Recording:
     """Read one of our bags, complete or cut short.
+
+    Messages that no node of the loop can have sent (cut off, of another layout, stamped outside the run) are left out
+    and counted in the metadata's ``unreadable``.
 
     Parameters
     ----------
@@ -86,42 +137,98 @@ def read_bag(bag: Path | str) -> Recording:
         When it cannot be read or holds no run of ours.
     """
     raw = read_raw(bag)
-    if "sample_time_s" not in raw.run:
-        msg = f"{bag}: holds no run of acftc (the metadata record {RUN_RECORD!r} is missing)"
-        raise BringupError(msg)
-    tick_ns = round(raw.run["sample_time_s"] * NANOSECONDS)
-    prefix = f"{NAMESPACE}/"
-    messages = {name: [data for _, data in raw.messages.get(prefix + name, [])] for name in BY_NAME}
-    stamps = {name: stamps_ns(found) for name, found in messages.items()}
-    every = [times for times in stamps.values() if len(times)]
-    first = min((int(times.min()) for times in every), default=0)
-    rows = {name: np.rint((times - first) / tick_ns).astype(np.int64) for name, times in stamps.items()}
+    run, scenario = run_of(raw, bag)
+    tick_ns = round(run["sample_time_s"] * NANOSECONDS)
+    messages = {name: loop_messages(raw, topic) for name, topic in BY_NAME.items()}
+    sent = sum(len(raw.messages.get(f"{NAMESPACE}/{name}", [])) for name in BY_NAME)
+    first = _first_stamp(messages)
+    rows: dict[str, NDArray[np.int64]] = {}
+    for name, found in messages.items():
+        row = np.rint((stamps_ns(found) - first) / tick_ns).astype(np.int64)
+        within = (row >= 0) & (row < scenario.ticks)
+        rows[name] = row[within]
+        if not within.all():
+            messages[name] = [data for data, keep in zip(found, within, strict=True) if keep]
+    columns_of, status, kept = _decoded(messages, rows, first)
     ticks = max((int(found.max()) for found in rows.values() if len(found)), default=-1) + 1
-    recording = Recording(time_s=np.arange(ticks) * tick_ns / 1e9, series={})
+    recording = Recording(time_s=np.arange(ticks) * tick_ns / 1e9, series={}, status=status)
     for name, topic in BY_NAME.items():
-        if topic.type == DIAGNOSTICS:
-            recording.status = [
-                status_row(read_diagnostics(data)[0].values, (stamp_ns(data) - first) / 1e9) for data in messages[name]
-            ]
-            continue
-        for key, column in zip(topic.series, columns(topic, messages[name]), strict=True):
+        for key, column in zip(topic.series, columns_of.get(name, ()), strict=True):
             recording.series[key] = np.full(ticks, math.nan)
             recording.series[key][rows[name]] = column
-    health = _last_health(raw, PLANT)
-    recording.metadata = {**raw.run, "complete": raw.complete and ticks == raw.run.get("ticks")}
-    if "wall_seconds" in health:
-        recording.metadata["wall_seconds"] = float(health["wall_seconds"])
-        recording.metadata["missed_ticks"] = int(health["missed_ticks"])
-        recording.metadata["command_latency_ms"] = {
-            quantile: float(health[f"command_latency_{quantile}_ms"]) for quantile in ("p50", "p99", "max")
-        }
+    recording.metadata = {**run, "complete": raw.complete and ticks == run["ticks"], "unreadable": sent - kept}
+    recording.metadata.update(_timing(_last_health(raw, PLANT)))
     return recording
 
 
+def _first_stamp(messages: dict[str, list[bytes]]) -> int:
+    """Stamp of tick 0: the plant beats time, so its first message is the first of all."""
+    beats = messages[BEAT]
+    if beats:
+        return stamp_ns(beats[0])
+    return min((int(stamps_ns(found).min()) for found in messages.values() if found), default=0)
+
+
+def _decoded(
+    messages: dict[str, list[bytes]], rows: dict[str, NDArray[np.int64]], first: int
+) -> tuple[dict[str, list[NDArray[np.float64]]], list[StatusRow], int]:
+    """Columns of every topic, the rows of ``fdi/status``, how many messages could be read; `rows` lose the others."""
+    decoded: dict[str, list[NDArray[np.float64]]] = {}
+    status: list[StatusRow] = []
+    kept = 0
+    for name, topic in BY_NAME.items():
+        if topic.type == DIAGNOSTICS:
+            status = [row for data in messages[name] if (row := _status(data, first)) is not None]
+            kept += len(status)
+            continue
+        try:
+            decoded[name] = columns(topic, messages[name])
+        except (ValueError, struct.error):
+            good = [_is_readable(topic, data) for data in messages[name]]
+            rows[name] = rows[name][good]
+            decoded[name] = columns(topic, [data for data, keep in zip(messages[name], good, strict=True) if keep])
+        kept += len(rows[name])
+    return decoded, status, kept
+
+
+def _is_readable(topic: Topic, data: bytes) -> bool:
+    try:
+        columns(topic, [data])
+    except (ValueError, struct.error):
+        return False
+    return True
+
+
+def _status(data: bytes, first: int) -> StatusRow | None:
+    try:
+        (status, *_) = read_diagnostics(data)
+        return status_row(status.values, (stamp_ns(data) - first) / 1e9)
+    except ValueError:
+        return None
+
+
+def _timing(health: dict[str, str]) -> dict[str, Any]:
+    """What the plant's last health report says of the wall clock; nothing where it does not say it."""
+    try:
+        return {
+            "wall_seconds": float(health["wall_seconds"]),
+            "missed_ticks": int(health["missed_ticks"]),
+            "command_latency_ms": {
+                quantile: float(health[f"command_latency_{quantile}_ms"]) for quantile in ("p50", "p99", "max")
+            },
+        }
+    except (KeyError, ValueError):
+        return {}
+
+
 def health_reports(raw: RawBag) -> Iterator[tuple[str, dict[str, str]]]:
-    """All health reports in a bag: node name and figures, oldest first."""
+    """All health reports in a bag: node name and figures, oldest first; what is no report is passed over."""
     for _, data in raw.messages.get("/diagnostics", []):
-        for status in read_diagnostics(data):
+        try:
+            found = read_diagnostics(data)
+        except ValueError:
+            continue
+        for status in found:
             yield status.name.rsplit("/", 1)[-1], status.values
 
 
@@ -178,29 +285,60 @@ def _read_file(reader: StreamReader, result: RawBag) -> None:
     channels = _Channels(result)
     for record in reader.records:
         if isinstance(record, Chunk):
-            _read_chunk(record, channels)
+            data = _content(record)
+            if record.uncompressed_crc and zlib.crc32(data) != record.uncompressed_crc:
+                msg = "a chunk is damaged (its checksum is another)"
+                raise McapError(msg)
+            try:
+                _read_chunk(data, channels)
+            except (struct.error, EndOfFile):
+                msg = "a chunk ends within a record"
+                raise McapError(msg) from None
         elif isinstance(record, Schema | Channel):
             channels.define(record)
         elif isinstance(record, Metadata) and record.name == RUN_RECORD:
-            result.run = json.loads(record.metadata["run"])
+            result.run = _run(record)
         elif isinstance(record, Attachment):
             result.attachments[record.name] = record.data
 
 
-def _read_chunk(chunk: Chunk, channels: _Channels) -> None:
-    """Take the messages out of a chunk: several times faster than as one object each."""
-    data = chunk.data
-    if chunk.compression == "zstd":
-        data = zstandard.decompress(data, chunk.uncompressed_size)
-    elif chunk.compression:
-        msg = f"compression {chunk.compression!r}"
+def _run(record: Metadata) -> dict[str, Any]:
+    try:
+        run = json.loads(record.metadata["run"])
+    except (KeyError, ValueError, RecursionError):
+        run = None
+    if not isinstance(run, dict):
+        msg = f"the metadata record {RUN_RECORD!r} is damaged"
         raise McapError(msg)
+    return run
+
+
+def _content(chunk: Chunk) -> bytes:
+    if chunk.uncompressed_size > LARGEST_RECORD:
+        msg = f"a chunk of {chunk.uncompressed_size} bytes"
+        raise McapError(msg)
+    if chunk.compression == "zstd":
+        if zstandard.frame_content_size(chunk.data) > LARGEST_RECORD:
+            msg = "a chunk that unpacks to more than it says"
+            raise McapError(msg)
+        return zstandard.decompress(chunk.data, chunk.uncompressed_size)
+    if chunk.compression:
+        msg = f"compression {shortened(repr(chunk.compression))}"
+        raise McapError(msg)
+    return chunk.data
+
+
+def _read_chunk(data: bytes, channels: _Channels) -> None:
+    """Take the messages out of a chunk: several times faster than as one object each."""
     at = 0
     while at < len(data):
         opcode, length = _RECORD.unpack_from(data, at)
         at += _RECORD.size
         if opcode == _MESSAGE:
             number, _, log_ns, _ = _MESSAGE_HEAD.unpack_from(data, at)
+            if number not in channels.messages:
+                msg = f"a message of channel {number}, which the file does not describe"
+                raise McapError(msg)
             channels.messages[number].append((log_ns, data[at + _MESSAGE_HEAD.size : at + length]))
         elif opcode == _SCHEMA:
             channels.define(Schema.read(ReadDataStream(BytesIO(data[at : at + length]))))

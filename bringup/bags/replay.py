@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from bringup.bags.reader import RawBag, decode, read_raw
+from bringup.bags.reader import RawBag, decode, loop_messages, read_raw, run_of
 from bringup.designs import ATTACHMENT, DESIGNED
 from bringup.errors import BringupError, RunError
 from bringup.ros.cdr import restamped, stamp_ns
 from bringup.ros.graph import MODULES, node_arguments, node_parameters
 from bringup.ros.processes import Child, Domain, ros_environment, start, stop
-from bringup.scenario import check
-from bringup.topics import NAMESPACE, PLANT, RECORDER, TOPICS, Topic
+from bringup.scenario import Scenario
+from bringup.topics import PLANT, RECORDER, TOPICS, Topic
 
 #: Largest relative difference that counts as rounding of another processor.
 RELATIVE_TOLERANCE = 1e-9
@@ -86,15 +86,17 @@ def replay(
         msg = f"no node {node!r} can be replayed; allowed: {', '.join(REPLAYABLE)}"
         raise BringupError(msg)
     raw = read_raw(bag)
-    if "scenario" not in raw.run:
-        msg = f"{bag}: holds no run of acftc"
-        raise BringupError(msg)
+    run, scenario = run_of(raw, bag)
     ticks = _by_tick(raw, node)
     domain = Domain()
     try:
         environment = {**ros_environment(), "ROS_DOMAIN_ID": str(domain.number)}
         with tempfile.TemporaryDirectory(prefix="acftc-replay-") as folder:
-            own = {**_parameters(raw, node, Path(folder)), **_design(raw, node, Path(folder)), **(parameters or {})}
+            own = {
+                **_parameters(scenario, run["passive"], node, Path(folder)),
+                **_design(raw, node, Path(folder)),
+                **(parameters or {}),
+            }
             arguments = node_arguments(MODULES[node], node, own, Path(folder))
             child = start(node, arguments, Path(folder), environment)
             try:
@@ -105,9 +107,8 @@ def replay(
         domain.release()
 
 
-def _parameters(raw: RawBag, node: str, folder: Path) -> dict[str, Any]:
-    scenario = check(raw.run["scenario"])
-    own = node_parameters(scenario, folder, "lockstep", bool(raw.run["passive"]))[node]
+def _parameters(scenario: Scenario, passive: bool, node: str, folder: Path) -> dict[str, Any]:
+    own = node_parameters(scenario, folder, "lockstep", passive)[node]
     changes: dict[str, Any] = {PLANT: {"ticks": 0}, **{key: {"design_copy": ""} for key in DESIGNED}}
     return {**own, **changes.get(node, {})}
 
@@ -133,15 +134,14 @@ class _Tick:
 def _by_tick(raw: RawBag, node: str) -> list[_Tick]:
     """Recorded inputs and outputs of a node, stamps counted from the first one, in order of time."""
     ticks: dict[int, _Tick] = {}
-    first = min(
-        (stamp_ns(messages[0][1]) for t in TOPICS if (messages := raw.messages.get(f"{NAMESPACE}/{t.name}"))), default=0
-    )
+    messages = {topic.name: loop_messages(raw, topic) for topic in TOPICS}
+    first = min((stamp_ns(found[0]) for found in messages.values() if found), default=0)
     wanted = 0
     for topic in TOPICS:
         if topic.publisher != node and node not in topic.subscribers:
             continue
         wanted += node in topic.subscribers
-        for _, data in raw.messages.get(f"{NAMESPACE}/{topic.name}", []):
+        for data in messages[topic.name]:
             time_ns = stamp_ns(data) - first
             tick = ticks.setdefault(time_ns, _Tick())
             if topic.publisher == node:

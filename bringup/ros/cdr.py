@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bringup.errors import shortened
 from bringup.recording import StatusRow
 from bringup.topics import CLOCK, DIAGNOSTICS, FAULTS, JOINT_FIELD, JOINTS, PRESSURE, TEMPERATURE, Topic
 
@@ -153,9 +154,12 @@ def pack_status(time_ns: int, row: StatusRow) -> bytes:
 
 
 class _Source:
-    """Reads from left to right."""
+    """Reads from left to right; whatever does not fit into the message is a ValueError, and nothing is read twice."""
 
     def __init__(self, data: bytes) -> None:
+        if data[:4] != _ENCAPSULATION:
+            msg = f"a message that begins with {data[:4].hex() or 'nothing'} is no little-endian CDR"
+            raise ValueError(msg)
         self.data = data
         self.at = 4
 
@@ -163,24 +167,40 @@ class _Source:
         self.at += -(self.at - 4) % size
         return self.at
 
+    def skip(self, size: int) -> int:
+        """Offset of the next `size` bytes, which must be there."""
+        start, self.at = self.at, self.at + size
+        if self.at > len(self.data):
+            msg = f"a message of {len(self.data)} bytes ends before its content does"
+            raise ValueError(msg)
+        return start
+
     def number(self) -> int:
-        self.at = self.align(4) + 4
-        return int.from_bytes(self.data[self.at - 4 : self.at], "little")
+        self.align(4)
+        start = self.skip(4)
+        return int.from_bytes(self.data[start : start + 4], "little")
+
+    def count(self, smallest: int) -> int:
+        """Length of a sequence whose items take at least `smallest` bytes each."""
+        count = self.number()
+        if count * smallest > len(self.data) - self.at:
+            msg = f"a message of {len(self.data)} bytes claims to hold {count} items"
+            raise ValueError(msg)
+        return count
 
     def text(self) -> str:
         length = self.number()
-        start, self.at = self.at, self.at + length
-        return self.data[start : start + length - 1].decode()
+        start = self.skip(length)
+        return self.data[start : start + length - 1].decode() if length else ""
 
     def doubles(self) -> tuple[int, int]:
         """Offset of a sequence's first double, and how many there are."""
-        count = self.number()
+        count = self.count(8)
         start = self.align(8) if count else self.at
-        self.at = start + 8 * count
-        return start, count
+        return self.skip(8 * count) if count else start, count
 
     def header(self) -> None:
-        self.at += 8
+        self.skip(8)
         self.text()
 
 
@@ -190,17 +210,18 @@ def value_offsets(topic: Topic, data: bytes) -> list[int]:
     Raises
     ------
     ValueError
-        When the message has other joints, or fewer values than joints.
+        When the message ends early, has other joints, or fewer values than joints.
     """
     source = _Source(data)
     source.header()
     if topic.type in (PRESSURE, TEMPERATURE):
-        return [source.align(8)]
+        source.align(8)
+        return [source.skip(8)]
     if topic.type != JOINTS:
         raise AssertionError(topic)
-    names = [source.text() for _ in range(source.number())]
+    names = [source.text() for _ in range(source.count(4))]
     if names != list(topic.joints):
-        msg = f"{topic.name}: joints {names}, expected {list(topic.joints)}"
+        msg = f"{topic.name}: joints {shortened(names)}, expected {list(topic.joints)}"
         raise ValueError(msg)
     fields = {field: source.doubles() for field in ("position", "velocity", "effort")}
     offsets = []
@@ -240,14 +261,20 @@ class Diagnostic:
 
 
 def read_diagnostics(data: bytes) -> list[Diagnostic]:
-    """Content of a serialised DiagnosticArray."""
+    """Content of a serialised DiagnosticArray.
+
+    Raises
+    ------
+    ValueError
+        When the message ends early or holds what is no text.
+    """
     source = _Source(data)
     source.header()
     found = []
-    for _ in range(source.number()):
-        source.at = source.align(1) + 1  # level
+    for _ in range(source.count(1 + 3 * 4 + 4)):
+        source.skip(1)  # level
         name, message, _hardware = source.text(), source.text(), source.text()
-        pairs = [(source.text(), source.text()) for _ in range(source.number())]
+        pairs = [(source.text(), source.text()) for _ in range(source.count(2 * 4))]
         found.append(Diagnostic(name, message, dict(pairs)))
     return found
 
@@ -276,5 +303,5 @@ def status_row(values: dict[str, str], time_s: float) -> StatusRow:
             also_isolated=also_isolated,
         )
     except (KeyError, ValueError) as problem:
-        msg = f"fdi/status: {type(problem).__name__} {problem}"
+        msg = f"fdi/status: {type(problem).__name__} {shortened(problem)}"
         raise ValueError(msg) from None

@@ -38,7 +38,7 @@ def health_of(reports: Iterable[tuple[str, Mapping[str, str]]]) -> list[NodeHeal
             state=rows[-1].get("state", ""),
             latency_p50_ms=median(_numbers(rows, "latency_p50_ms") or [math.nan]),
             latency_max_ms=max(_numbers(rows, "latency_max_ms"), default=math.nan),
-            rejected_inputs=int(rows[-1].get("rejected_inputs", "0")),
+            rejected_inputs=int(max(_numbers(rows[-1:], "rejected_inputs"), default=0.0)),
             last_rejected=rows[-1].get("last_rejected", ""),
         )
         for name, rows in sorted(by_node.items())
@@ -46,5 +46,13 @@ def health_of(reports: Iterable[tuple[str, Mapping[str, str]]]) -> list[NodeHeal
 
 
 def _numbers(rows: list[Mapping[str, str]], key: str) -> list[float]:
-    values = [float(row[key]) for row in rows if key in row]
+    values = [_number(row[key]) for row in rows if key in row]
     return [value for value in values if math.isfinite(value)]
+
+
+def _number(text: str) -> float:
+    """A number, or nan for what is none: anybody may publish on /diagnostics."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan

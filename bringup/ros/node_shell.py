@@ -33,6 +33,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
+from bringup.ros.arguments import ArgumentError, init
 from bringup.ros.cdr import Packer, packer
 from bringup.ros.inputs import Gate, LoopInputs, Subscriptions, TickSet
 from bringup.ros.messages import BadMessage, message_class
@@ -51,6 +52,8 @@ OTHERS_PERIOD_S = 0.02
 OTHERS_PATIENCE_S = 0.1
 #: How long their turn may take; a deadline that is nearer comes first.
 OTHERS_TAKE_S = 0.003
+#: Exit code of a node that was given parameters it cannot work with.
+BAD_INPUT = 2
 #: The last bit of the time to a deadline is slept through on a timer that is more exact than the middleware's.
 DEADLINE_MARGIN_S = 0.0005
 
@@ -156,6 +159,7 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
     def __init__(self, name: str, parameters: Sequence[Parameter]) -> None:
         super().__init__(name)
         self.problem = ""  # why the last transition failed
+        self.bad_input = False  # and whether what the user gave is to blame
         self.health = Health()
         self._scheduled = "normal"
         self._parameters_ = {p.name: p for p in (AUTOSTART, PRIORITY, *parameters)}
@@ -278,6 +282,7 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
             work()
         except Exception as problem:
             self.problem = _one_line(problem)
+            self.bad_input = isinstance(problem, ValueError)
             if not isinstance(problem, ValueError):
                 traceback.print_exc()
             print(f"{self.get_name()}: {self.problem}", file=sys.stderr, flush=True)
@@ -384,18 +389,18 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
 
 
 def run_node(make: Callable[[], NodeShell]) -> int:
-    """Run a node until it is told to end; the exit code: 0 after SIGINT and SIGTERM, 1 when it failed."""
+    """Run a node until it is told to end; the exit code: 0 after SIGINT and SIGTERM, 1 when it failed, 2: bad input."""
     end_with_parent()
-    rclpy.init()
     node = None
     try:
+        init()
         node = make()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         if node.value("autostart"):
             for trigger in (node.trigger_configure, node.trigger_activate):
                 if trigger() != TransitionCallbackReturn.SUCCESS:
-                    return 1
+                    return BAD_INPUT if node.bad_input else 1
         while rclpy.ok():
             node.work(executor)
         return 0
@@ -407,7 +412,10 @@ def run_node(make: Callable[[], NodeShell]) -> int:
         return _report(node, problem)
     except (InvalidParameterValueException, InvalidParameterTypeException, ParameterException) as problem:
         print(f"{_program()}: {_one_line(problem)}", file=sys.stderr, flush=True)
-        return 1
+        return BAD_INPUT
+    except ArgumentError as problem:
+        print(f"{_program()}: {problem}", file=sys.stderr, flush=True)
+        return BAD_INPUT
     except Exception as problem:
         return _report(node, problem)
     finally:

@@ -3,8 +3,11 @@
 import json
 import math
 import struct
+from dataclasses import replace
+from math import nan
 from pathlib import Path
 
+import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from hypothesis import HealthCheck, given, settings
@@ -15,7 +18,7 @@ from bringup.bags.reader import decode, read_bag, read_raw
 from bringup.bags.recorder import BagWriter, RecordedTopic
 from bringup.errors import BringupError
 from bringup.recording import StatusRow
-from bringup.ros.cdr import packer, read_diagnostics, stamp_ns, status_row
+from bringup.ros.cdr import pack_status, packer, read_diagnostics, stamp_ns, status_row
 from bringup.ros.inputs import MOST_WAITING, TickSet
 from bringup.ros.messages import BadMessage, message_class, reader
 from bringup.ros.messages import stamp_ns as stamp_of_message
@@ -130,7 +133,9 @@ def small_bag(tmp_path_factory):
     folder = tmp_path_factory.mktemp("small") / "bag"
     topics = [BY_NAME["plant/evaporator_pressure"], BY_NAME["controller/command"]]
     recorded = [RecordedTopic(f"/ac/{topic.name}", topic.type, 10, 1.0) for topic in topics]
-    bag = BagWriter(folder, recorded, {"sample_time_s": 0.1, "ticks": 40, "scenario": {}})
+    scenario = {"name": "small", "duration_s": 4.0}
+    run = {"scenario": scenario, "mode": "lockstep", "passive": False, "sample_time_s": 0.1, "ticks": 40}
+    bag = BagWriter(folder, recorded, run)
     for k in range(40):
         for number, topic in enumerate(topics):
             time_ns = k * 100_000_000
@@ -145,6 +150,45 @@ def test_small_bag_reads_back(small_bag):
     assert recording.metadata["complete"]
     assert recording.series["plant/evaporator_pressure"].tolist() == [k + 0.5 for k in range(40)]
     assert recording.series["controller/command:expansion_valve"].tolist() == [k + 0.5 for k in range(40)]
+
+
+def test_what_no_node_can_have_sent_is_left_out_and_counted(tmp_path):
+    topics = [BY_NAME["plant/evaporator_pressure"], BY_NAME["fdi/status"], BY_NAME["controller/command"]]
+    recorded = [RecordedTopic(f"/ac/{topic.name}", topic.type, 10, 1.0) for topic in topics]
+    scenario = {"name": "small", "duration_s": 4.0}
+    run = {"scenario": scenario, "mode": "realtime", "passive": False, "sample_time_s": 0.1, "ticks": 40}
+    bag = BagWriter(tmp_path / "bag", recorded, run)
+    pack = packer(topics[0])
+    other_joints = packer(replace(topics[2], joints=("compressor", "evaporator_air")))
+    start_ns = 1_000_000_000_000
+    for k in range(40):
+        bag.write(0, pack(start_ns + k * 100_000_000, [k + 0.5]), k, k)
+    for data in (b"", b"\0\1\0\0", pack(start_ns, [1.0])[:20], pack(0, [7.0]), pack(10 * start_ns, [7.0])):
+        bag.write(0, data, 0, 0)
+    bag.write(1, pack_status(start_ns, StatusRow(0.0, False, None, nan, nan, nan, (1.0, 1.0)))[:-9], 0, 0)
+    bag.write(2, other_joints(start_ns, [1.0, 2.0]), 0, 0)
+    bag.close()
+    recording = read_bag(tmp_path / "bag")
+    assert recording.series["plant/evaporator_pressure"].tolist() == [k + 0.5 for k in range(40)]
+    assert recording.status == []
+    assert np.isnan(recording.series["controller/command:compressor"]).all()
+    assert recording.metadata["unreadable"] == 7
+
+
+def test_flipped_bit_is_noticed(small_bag, tmp_path):
+    (file,) = small_bag.glob("*.mcap")
+    content = bytearray(file.read_bytes())
+    noticed = 0
+    for at in range(2000, len(content) - 2000, 997):
+        flipped = tmp_path / "flipped.mcap"
+        flipped.write_bytes(content[:at] + bytes([content[at] ^ 0x10]) + content[at + 1 :])
+        try:
+            raw = read_raw(flipped)
+        except BringupError:
+            noticed += 1
+            continue
+        assert raw.messages == read_raw(small_bag).messages or not raw.complete
+    assert noticed > 0
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60)

@@ -50,6 +50,24 @@ def test_bad_parameter_is_one_clear_line(module: str, parameter: str, said: str)
     result = subprocess.run(
         [sys.executable, "-m", module, "--ros-args", "-p", parameter], capture_output=True, text=True, timeout=60
     )
-    assert result.returncode == 1
+    assert result.returncode == 2
+    assert said in result.stderr
+    assert result.stderr.strip().count("\n") == 0, result.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--params-file", "broken.yaml"], "broken.yaml"),
+        (["--params-file", "missing.yaml"], "no such file"),
+        (["-r", "bogus"], "bogus"),
+        (["-p", "design_file:=broken.yaml"], "holds no FdiDesign"),
+    ],
+)
+def test_bad_argument_is_one_clear_line(arguments: list[str], said: str, tmp_path: Path) -> None:
+    (tmp_path / "broken.yaml").write_text("/**:\n  ros__parameters:\n    sensors: [[1]\n")
+    command = [sys.executable, "-m", "fdi_node", "--ros-args", *arguments]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=60, cwd=tmp_path)
+    assert result.returncode == 2
     assert said in result.stderr
     assert result.stderr.strip().count("\n") == 0, result.stderr
