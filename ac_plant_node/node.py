@@ -7,16 +7,14 @@ late by then is counted as a missed tick, and the one before it stays on (zero-o
 
 import sys
 import time
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bringup.rest import rest_at
 from bringup.ros.node_shell import MODE, OPERATING_POINT, SAMPLE_TIME, NodeShell, Parameter, run_node
 from bringup.topics import CLOCK, PLANT, Topic
-
-if TYPE_CHECKING:
-    from ac_plant_node import Plant
 
 PARAMETERS = (
     OPERATING_POINT,
@@ -28,12 +26,31 @@ PARAMETERS = (
 MOST_LATE_TICKS = 1000
 
 
+class Model(Protocol):
+    """What the node advances: `ac_plant_node.Plant`, or a model of your own."""
+
+    def step(self, inputs: NDArray[np.float64], duration_s: float) -> NDArray[np.float64]:
+        """Outputs after `duration_s` with `inputs` held.
+
+        Parameters
+        ----------
+        inputs : ndarray, shape (4,)
+            Compressor speed [rad/s], valve opening [0..1], air flow [kg/s], air inlet temperature [degC].
+        duration_s : float
+
+        Returns
+        -------
+        ndarray, shape (4,)
+            Evaporator pressure [Pa], superheat [K], wall temperature [degC], condenser pressure [Pa].
+        """
+
+
 class PlantNode(NodeShell):
     """Shell around `Plant`."""
 
     def __init__(self) -> None:
         super().__init__(PLANT, PARAMETERS)
-        self._plant: Plant | None = None
+        self._plant: Model | None = None
         self._tick = 0
         self._finished = False
         self._missed = 0
@@ -41,17 +58,21 @@ class PlantNode(NodeShell):
         self._published_s: dict[int, float] = {}  # of ticks whose command has not come yet
         self._wall_s = 0.0
 
-    def configure(self) -> None:
-        """Put the plant at rest at its operating point."""
+    def make_model(self) -> tuple[Model, NDArray[np.float64], NDArray[np.float64]]:
+        """Plant at rest at its operating point, and the inputs and outputs there; override it for another model."""
         from ac_plant_node import OperatingPoint, Plant
 
         point = self.value("operating_point")
         rest = OperatingPoint(point, **rest_at(point))  # type: ignore[arg-type]
         # Compiled code is loaded with the first step: here, not in the first tick.
         Plant.at(rest).step(rest.inputs, self.value("sample_time_s"))
-        self._plant = Plant.at(rest)
-        self._held = np.array(rest.inputs, dtype=np.float64)
-        self._plant_outputs = np.array(rest.outputs, dtype=np.float64)
+        return Plant.at(rest), rest.inputs, rest.outputs
+
+    def configure(self) -> None:
+        """Put the plant at rest at its operating point."""
+        self._plant, inputs, outputs = self.make_model()
+        self._held = np.array(inputs, dtype=np.float64)
+        self._plant_outputs = np.array(outputs, dtype=np.float64)
         self._realtime: bool = self.value("mode") == "realtime"
         self._sample_time_s: float = self.value("sample_time_s")
         self._tick_ns = round(self._sample_time_s * 1e9)
@@ -153,8 +174,11 @@ class PlantNode(NodeShell):
         """Give what no topic tells, for evaluation only: the paper's state and the cooling power."""
         if self._plant is None:
             return {}
+        from ac_plant_node import Plant
         from ac_plant_node.model import STATE_NAMES
 
+        if not isinstance(self._plant, Plant):
+            return {}  # a model of somebody else's
         truth = {f"state/{name}": value for name, value in zip(STATE_NAMES, self._plant.state.tolist(), strict=True)}
         truth["cooling_power_w"] = self._plant.outputs.cooling_power_w
         return {name: f"{value:.6g}" for name, value in truth.items()}

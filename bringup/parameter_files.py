@@ -10,11 +10,12 @@ import yaml
 
 from bringup.ros.graph import MODULES, parameter_file
 from bringup.ros.node_shell import AUTOSTART, PRIORITY, Parameter
+from bringup.ros.own_nodes import module_of
 
 
 def text(name: str) -> str:
     """Content of the parameter file of a node: every parameter with its default, what it means and what is allowed."""
-    declared: Sequence[Parameter] = (AUTOSTART, PRIORITY, *import_module(_module(name)).PARAMETERS)
+    declared: Sequence[Parameter] = (AUTOSTART, PRIORITY, *import_module(module_of(MODULES[name])).PARAMETERS)
     lines = [
         f"# Parameters of the node `{name}` and their defaults. Use:",
         f"#   python -m {MODULES[name]} --ros-args --params-file {parameter_file(MODULES[name]).name}",
@@ -34,12 +35,6 @@ def _allowed(parameter: Parameter) -> str:
         allowed = f"{parameter.low:g} to {parameter.high:g}"
     when = "may be set while the node runs" if parameter.live else ""
     return "".join(f"; {part}" for part in (allowed, when) if part)
-
-
-def _module(name: str) -> str:
-    """Module in which a node's class is."""
-    module = MODULES[name]
-    return module if module.endswith("_node") and "." in module else f"{module}.node"
 
 
 def main() -> None:

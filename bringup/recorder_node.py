@@ -95,6 +95,8 @@ class RecorderNode(NodeShell):
                 self._last_ns = stamp
             bag.write(number, data, now_ns or stamp, stamp)
         self.health.ticks = bag.counts[0]
+        if self._finished_s is None and not self._lockstep and 0 < self._ticks <= bag.counts[0]:
+            self._finished_s = time.monotonic()  # a plant that has nothing to say on /diagnostics has said enough
         return True
 
     def _look_at_health(self, data: bytes) -> None:

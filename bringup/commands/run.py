@@ -16,7 +16,7 @@ from bringup.commands.options import (
     set_option,
 )
 from bringup.commands.outcome import finish, load_scenario, node_health, prepare_folder
-from bringup.console import progress_bar
+from bringup.console import progress_bar, say
 from bringup.errors import BringupError, InterruptedRunError, RunError
 
 
@@ -25,6 +25,7 @@ from bringup.errors import BringupError, InterruptedRunError, RunError
         "acftc run actuator_fault --out results/e5",
         "acftc run sensor_fault --passive --set faults.0.size_kpa=3 --out results/weak",
         "acftc run my_scenario.yaml --mode realtime",
+        "acftc run nominal --node ac_plant='python examples/own_plant.py'",
     ),
     short_help="Run a scenario with all nodes: bag, summary, report.",
 )
@@ -40,6 +41,20 @@ from bringup.errors import BringupError, InterruptedRunError, RunError
 @passive_option
 @set_option
 @force_option
+@click.option(
+    "--node",
+    "nodes",
+    metavar="NAME=COMMAND",
+    multiple=True,
+    help="Start a node of your own in place of ours, for instance ac_plant='python my_plant.py'. May be given again.",
+)
+@click.option("--without", metavar="NAME", multiple=True, help="You start this node; the run waits for it.")
+@click.option(
+    "--params-file",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="A ROS 2 parameter file that has the last word, with keys such as /ac/fdi.",
+)
 @json_option
 def run(
     scenario: str,
@@ -48,6 +63,9 @@ def run(
     passive: bool,
     overrides: tuple[str, ...],
     force: bool,
+    nodes: tuple[str, ...],
+    without: tuple[str, ...],
+    params_file: Path | None,
     as_json: bool,
 ) -> None:
     """Run SCENARIO with every node as a process of its own, record it, and write summary and report.
@@ -55,7 +73,10 @@ def run(
     SCENARIO is a built-in name (acftc scenarios) or the path of a YAML file. DIR gets bag/ (a ROS 2 bag),
     summary.json, report.html and report.svg.
     """
+    from bringup.ros.own_nodes import own_nodes
+
     chosen = load_scenario(scenario, overrides, passive)
+    own = own_nodes(nodes, without, params_file)
     folder = prepare_folder(out or Path("results") / chosen.name, force)
 
     from bringup.bags.reader import read_bag
@@ -63,7 +84,7 @@ def run(
 
     with progress_bar(f"{chosen.name} ({mode})") as progress:
         try:
-            run_graph(chosen, folder, mode=mode, progress=progress)
+            run_graph(chosen, folder, mode=mode, progress=progress, own=own, say=say)
         except BringupError as problem:
             # The input has been checked by now: what fails here is the run.
             kind = InterruptedRunError if isinstance(problem.__context__, KeyboardInterrupt) else RunError

@@ -1,7 +1,10 @@
 """Starts the nodes, brings them to life in order, watches them and stops them, whatever happens."""
 
 import json
+import math
+import shlex
 import signal
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -15,6 +18,7 @@ import yaml
 
 from bringup.designs import DESIGNED
 from bringup.errors import BringupError, InterruptedRunError, RunError
+from bringup.ros.own_nodes import OwnNodes
 from bringup.ros.processes import Child, Domain, ros_environment, start, stop
 from bringup.scenario import Scenario
 from bringup.topics import (
@@ -66,6 +70,8 @@ def run_graph(
     mode: Mode = "lockstep",
     passive: bool | None = None,
     progress: Progress | None = None,
+    own: OwnNodes | None = None,
+    say: Callable[[str], None] = print,
 ) -> GraphRun:
     """Run `scenario` with every node as a process of its own; the bag is ``out_dir/bag``.
 
@@ -81,6 +87,10 @@ def run_graph(
         True: K0 alone. None: as the scenario says.
     progress
         Called about once a second with the ticks done and the ticks in all.
+    own
+        Nodes and parameters of your own.
+    say
+        Told what the user has to do: which node to start by hand, and how.
 
     Raises
     ------
@@ -91,6 +101,7 @@ def run_graph(
     called_s = time.monotonic()
     out_dir = Path(out_dir)
     passive = scenario.passive if passive is None else passive
+    own = own or OwnNodes()
     _prepare(out_dir)
     domain = Domain()
     try:
@@ -100,21 +111,27 @@ def run_graph(
             children: dict[str, Child] = {}
             try:
                 for name, module in MODULES.items():
-                    arguments = node_arguments(module, name, parameters[name], out_dir / "log")
-                    children[name] = start(name, arguments, out_dir / "log", environment)
+                    arguments = node_arguments(module, name, parameters[name], out_dir / "log", own)
+                    if name in own.by_hand:
+                        say(_how_to_start(name, arguments, domain.number))
+                        continue
+                    program, *_ = own.commands.get(name, (sys.executable,))
+                    children[name] = start(name, arguments, out_dir / "log", environment, program)
                 from bringup.ros.supervisor import Supervisor  # takes its time: meanwhile the nodes are starting, too
 
-                with Supervisor(children, environment) as supervisor:
+                managed = {**children, **dict.fromkeys(own.by_hand)}
+                with Supervisor(managed, environment, own) as supervisor:
                     supervisor.activate(ACTIVATION_ORDER)
                     start_seconds = time.monotonic() - called_s
                     supervisor.wait_until_done(scenario.ticks, progress)
-                    health = supervisor.health[PLANT]
+                    supervisor.let_go(own.by_hand)
+                    health = supervisor.health.get(PLANT, {})  # a plant of somebody else's may have nothing to say
                     result = GraphRun(
                         bag=out_dir / "bag",
                         ticks=scenario.ticks,
-                        wall_seconds=float(health["wall_seconds"]),
+                        wall_seconds=float(health.get("wall_seconds", math.nan)),
                         start_seconds=start_seconds,
-                        missed_ticks=int(health["missed_ticks"]),
+                        missed_ticks=int(health.get("missed_ticks", 0)),
                         latency_ms=_latencies(health),
                         domain=domain.number,
                     )
@@ -131,7 +148,9 @@ def run_graph(
 
 
 def _latencies(health: Mapping[str, str]) -> tuple[float, float, float]:
-    p50, p99, most = (float(health[f"command_latency_{quantile}_ms"]) for quantile in ("p50", "p99", "max"))
+    p50, p99, most = (
+        float(health.get(f"command_latency_{quantile}_ms", math.nan)) for quantile in ("p50", "p99", "max")
+    )
     return p50, p99, most
 
 
@@ -176,13 +195,23 @@ def node_parameters(scenario: Scenario, out_dir: Path, mode: Mode, passive: bool
     return {name: own if name == RECORDER else {**own, **priority} for name, own in parameters.items()}
 
 
-def node_arguments(module: str, name: str, parameters: Mapping[str, Any], folder: Path) -> list[str]:
-    """Python's arguments that start a node under bringup's management, its parameters in a file in `folder`."""
+def node_arguments(
+    module: str, name: str, parameters: Mapping[str, Any], folder: Path, own: OwnNodes | None = None
+) -> list[str]:
+    """Arguments that start a node under bringup's management, its parameters in a file in `folder`."""
+    own = own or OwnNodes()
     file = folder / f"{name}.yaml"
     content = {"/**": {"ros__parameters": {**parameters, "autostart": False}}}
     file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
     files = ["--params-file", str(parameter_file(module)), "--params-file", str(file)]
-    return ["-m", module, "--ros-args", "-r", f"__ns:={NAMESPACE}", *files, "--disable-external-lib-logs"]
+    if own.params_file is not None:
+        files += ["--params-file", str(own.params_file)]
+    _, *arguments = own.commands.get(name, (sys.executable, "-m", module))
+    return [*arguments, "--ros-args", "-r", f"__ns:={NAMESPACE}", *files, "--disable-external-lib-logs"]
+
+
+def _how_to_start(name: str, arguments: list[str], domain: int) -> str:
+    return f"waiting for node {NAMESPACE}/{name}; ours would be: ROS_DOMAIN_ID={domain} python {shlex.join(arguments)}"
 
 
 def parameter_file(module: str) -> Path:

@@ -84,6 +84,9 @@ class Subscriptions:
         self._wait_set: Any = None
         self._signals = SignalHandlerGuardCondition(context=context)
 
+    def __len__(self) -> int:
+        return len(self._sources)
+
     def add(self, subscription: Subscription) -> int:
         """Take from `subscription`, too; its number."""
         self._sources.append((len(self._sources), subscription.handle, subscription.msg_type))

@@ -340,6 +340,7 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         """Publish the node's health, and how many subscribers its outputs have found."""
         gc.collect(1)
         values = {"state": self.state, "scheduling": self._scheduled, **self.health.report(), **self.health_values()}
+        values["subscriptions"] = str(len(self.loop_subscriptions))
         for topic, (publisher, *_) in self._senders.items():
             values[f"subscribers/{topic}"] = str(publisher.get_subscription_count())
         message = DiagnosticArray()

@@ -98,12 +98,14 @@ class Child:
         return said[-1] if said else "it wrote nothing"
 
 
-def start(name: str, arguments: Sequence[str], log_folder: Path, environment: Mapping[str, str]) -> Child:
-    """Start ``python arguments...`` in a process group of its own."""
+def start(
+    name: str, arguments: Sequence[str], log_folder: Path, environment: Mapping[str, str], program: str = sys.executable
+) -> Child:
+    """Start ``python arguments...``, or another program, in a process group of its own."""
     log = log_folder / f"{name}.log"
     with log.open("wb") as output:
         process = subprocess.Popen(
-            [sys.executable, *arguments],
+            [program, *arguments],
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=subprocess.STDOUT,

@@ -16,8 +16,9 @@ from rclpy.signals import SignalHandlerOptions
 
 from bringup.errors import RunError
 from bringup.ros.node_shell import PLAIN_QOS
+from bringup.ros.own_nodes import OwnNodes
 from bringup.ros.processes import Child
-from bringup.topics import NAMESPACE, PLANT, RECORDER, TOPICS
+from bringup.topics import NAMESPACE, PLANT, RECORDER, TOPICS, Topic
 
 #: How often the processes are looked at while nothing comes in, s.
 LOOK_S = 0.05
@@ -31,11 +32,17 @@ class Supervisor:
 
     A node reports its state and how many subscribers its outputs have found on /diagnostics whenever either changes;
     so readiness is an event, and a loop starts only when every writer knows every reader.
+
+    Of a node that is not ours (`own`) less is asked. One that reports like ours is treated like ours. A managed node is
+    driven through its life cycle. Any other counts as ready when its topics are there; it suits the wall clock only.
     """
 
-    def __init__(self, children: Mapping[str, Child | None], environment: Mapping[str, str]) -> None:
+    def __init__(
+        self, children: Mapping[str, Child | None], environment: Mapping[str, str], own: OwnNodes | None = None
+    ) -> None:
         """Manage `children` by name; None stands for a node whose process is somebody else's."""
         self._children = dict(children)
+        self._strange = own.strange if own is not None else ()
         self.health: dict[str, dict[str, str]] = {}
         self._replies: dict[tuple[str, int], Any] = {}
         # The middleware reads its settings from this process's environment; the domain is given to it directly, so that
@@ -57,7 +64,7 @@ class Supervisor:
         self._executor.add_node(self.node)
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._heard, PLAIN_QOS)
         self._clients = {
-            name: self.node.create_client(ChangeState, f"{NAMESPACE}/{name}/change_state") for name in children
+            name: self.node.create_client(ChangeState, f"{NAMESPACE}/{name}/change_state") for name in self._children
         }
 
     def __enter__(self) -> Self:
@@ -97,14 +104,14 @@ class Supervisor:
         """Wait for the plant's last tick, then until the recorder has every message."""
         shown = -1
         moved_s = time.monotonic()
-        while self._of(PLANT, "finished") != "true":
+        while not self._finished():
             self.spin()
-            tick = int(self._of(PLANT, "tick") or 0)
+            tick = int(self._of(PLANT, "tick") or self._of(RECORDER, "ticks") or 0)
             if tick != shown:
                 shown, moved_s = tick, time.monotonic()
                 if progress is not None:
                     progress(tick, ticks)
-            elif self._of(PLANT, "state") != "active":
+            elif self._of(PLANT, "state") not in ("active", ""):
                 moved_s = time.monotonic()  # paused, by whoever has the right to
             elif time.monotonic() - moved_s > STUCK_S:
                 msg = f"the loop has stood still at tick {tick} for {STUCK_S:g} s"
@@ -136,7 +143,18 @@ class Supervisor:
         finally:
             self.node.destroy_client(client)
 
+    def let_go(self, names: Iterable[str]) -> None:
+        """Leave nodes as they were before the run, ready for the next."""
+        names = [name for name in names if self._is_managed(name)]
+        self.change(names, Transition.TRANSITION_DEACTIVATE, "inactive")
+        self.change(names, Transition.TRANSITION_CLEANUP, "unconfigured")
+
     # -- details ------------------------------------------------------------------------------------------------
+
+    def _finished(self) -> bool:
+        """Whether the plant has had its last tick; when it says nothing, whether the bag has."""
+        said = self._of(PLANT, "finished")
+        return said == "true" or (not said and self._of(RECORDER, "complete") == "true")
 
     def _heard(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -155,22 +173,64 @@ class Supervisor:
         def done() -> bool:
             for name in names:
                 reply = self._replies.get((name, transition))
+                if self._is_plain(name):
+                    continue
                 if reply is None:
                     if self._clients[name].service_is_ready():
                         request = ChangeState.Request(transition=Transition(id=transition))
                         self._replies[name, transition] = self._clients[name].call_async(request)
                 elif reply.done() and not reply.result().success:
                     raise RunError(self._failed(name, "cannot start"))
-            return all(self._of(name, "state") == state for name in names)
+            return all(reached(name) for name in names)
 
-        self._until(done, lambda: f"{', '.join(n for n in names if self._of(n, 'state') != state)} not {state}")
+        def reached(name: str) -> bool:
+            if self._is_plain(name):
+                return True
+            if name in self._strange and not self._reports(name):
+                reply = self._replies.get((name, transition))
+                return reply is not None and reply.done()
+            return self._of(name, "state") == state
+
+        self._until(done, lambda: f"{', '.join(n for n in names if not reached(n))} not {state}")
 
     def _connected(self, name: str) -> bool:
         """Whether every output of a node has the subscribers that this graph holds, on top of strangers' ones."""
+        if name in self._strange:
+            reads = sum(self._reads(name, topic) for topic in TOPICS)
+            if not self._reports(name):
+                return self._publishes_all(name)
+            if reads < int(self._of(name, "subscriptions") or 0):
+                return False  # not all of them have been discovered here
         return all(
             int(self._of(name, f"subscribers/{topic}") or 0) >= n + self._strangers(topic)
             for topic, n in self._wanted(name).items()
         )
+
+    def _reads(self, name: str, topic: Topic) -> bool:
+        """Whether a node subscribes to a topic: our own as the table says, somebody else's as the graph shows."""
+        if name not in self._strange:
+            return name in topic.subscribers
+        readers = self.node.get_subscriptions_info_by_topic(f"{NAMESPACE}/{topic.name}")
+        return any(_is(name, reader) for reader in readers)
+
+    def _reports(self, name: str) -> bool:
+        """Whether a node tells its state on /diagnostics, as ours do."""
+        return any(_is(name, writer) for writer in self.node.get_publishers_info_by_topic("/diagnostics"))
+
+    def _publishes_all(self, name: str) -> bool:
+        """Whether every topic that is a node's to publish has it for a publisher."""
+        return all(
+            any(_is(name, writer) for writer in self.node.get_publishers_info_by_topic(f"{NAMESPACE}/{topic.name}"))
+            for topic in TOPICS
+            if topic.publisher == name
+        )
+
+    def _is_managed(self, name: str) -> bool:
+        return bool(self._clients[name].service_is_ready())
+
+    def _is_plain(self, name: str) -> bool:
+        """Whether a node of somebody else's is there and has no life cycle."""
+        return name in self._strange and not self._is_managed(name) and self._publishes_all(name)
 
     def _strangers(self, topic: str) -> int:
         """Subscribers of a topic that are none of our nodes, such as `ros2 topic echo` or `acftc topics`."""
@@ -181,7 +241,7 @@ class Supervisor:
     def _wanted(self, name: str) -> dict[str, int]:
         recorded = 1 if RECORDER in self._children else 0
         wanted = {
-            topic.name: recorded + sum(subscriber in self._children for subscriber in topic.subscribers)
+            topic.name: recorded + sum(self._reads(reader, topic) for reader in self._children)
             for topic in TOPICS
             if topic.publisher == name
         }
@@ -213,5 +273,10 @@ class Supervisor:
     def _failed(self, name: str, how: str) -> str:
         child = self._children[name]
         if child is None:
-            return f"node {name} {how}: see its own output"
+            return f"node {name} {how}: see its own output; a run wants it unconfigured (parameter autostart: false)"
         return f"node {name} {how}: {child.last_words()} (log: {child.log})"
+
+
+def _is(name: str, endpoint: Any) -> bool:
+    """Whether a publisher or subscriber belongs to our node of that name."""
+    return bool(endpoint.node_name == name and endpoint.node_namespace == NAMESPACE)
