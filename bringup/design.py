@@ -8,7 +8,7 @@ from gimc_controller_node.weights import CompensatorWeights, ControllerWeights
 
 
 def all_blocks(point: str, sample_time_s: float = DEFAULT_SAMPLE_TIME_S) -> list[BlockReport]:
-    """Reports of K0, H, Q_both, Q_act and Q_sen at one operating point, designed first when the cache lacks them.
+    """Reports of K0, both rows of H and all Q at one operating point, designed first when the cache lacks them.
 
     Parameters
     ----------
@@ -35,5 +35,12 @@ def all_blocks(point: str, sample_time_s: float = DEFAULT_SAMPLE_TIME_S) -> list
     )
     return [
         BlockReport.from_array(text)
-        for text in (k0["report"], h["report"], q["report_Q_both"], q["report_Q_act"], q["report_Q_sen"])
+        for text in (
+            k0["report"],
+            h["report_H_N"],
+            h["report_H_p"],
+            q["report_Q_both"],
+            q["report_Q_act"],
+            q["report_Q_sen"],
+        )
     ]

@@ -15,7 +15,7 @@ class BlockReport:
     Attributes
     ----------
     block : str
-        "K0", "H", "Q_act" or "Q_sen".
+        "K0", "H_N" and "H_p" (the rows of H), "Q_both", "Q_act" or "Q_sen".
     claimed : float
         Norm that the Riccati solutions promise.
     achieved : float

@@ -22,17 +22,20 @@ from fdi_node.design_model import (
     sensor_noise,
     to_si,
 )
+from fdi_node.synthesis import RANK_NOISE, innovation_factors, isolation_rows, stacked, target
 from fdi_node.thresholds import noise_thresholds, residual_covariances
 from fdi_node.weights import FdiWeights
 from gimc.coprime import filter_gain
-from gimc.model_matching import Matching, isolation_synthesis
+from gimc.model_matching import isolation_synthesis
 from gimc.reduction import reduce_order
 from gimc.sampled import discretise, sampled_observer
 from gimc.structure import FaultySystem, disturbance_factor, fault_factor
 
 SENSORS = 2
-#: Noise that regularises the design, in design units.
+#: White noise that regularises the lower bound's problem, in design units.
 EPS = 0.02
+#: How much dearer the other fault is in a residual, as in `FdiWeights`: without a disturbance there is room for more.
+CROSS_TALK = (4.0, 16.0)
 #: Noise on commands and air flow in the observer's Riccati equation, over a measurement noise of one.
 PROCESS_NOISE = 0.3
 
@@ -47,12 +50,12 @@ def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
     sample_time_s : float
         0.01 to 0.1 s.
     weights : FdiWeights
-        Of these: T's time constant, the sensors' noise, the rate of false alarms.
+        Of these: T's time constant, the weights of the error, the noise to bear, the sensors' noise, the false alarms.
 
     Returns
     -------
     dict of str to ndarray
-        The fields of `fdi_node.detector.FdiDesign`; `gamma`, the norm reached without a disturbance; `lower_bound`,
+        The fields of `fdi_node.detector.FdiDesign`; `gamma`, the norms reached without a disturbance; `lower_bound`,
         below which no filter gets once the air flow is unknown (a filter that gives nothing reaches 1).
     """
     model = design_model(point, weights.superheat)
@@ -62,8 +65,11 @@ def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
     known = np.hstack([system.B, model.B_air])
     plant = control.ss(system.A, known, system.C, np.zeros((SENSORS, known.shape[1])))
     L = filter_gain(plant, **noise)
-    matching = _match(system, L, weights, disturbed=False)
-    reduced = reduce_order(matching.filter, rtol=weights.reduction, keep_dc_gain=True).system
+    borne = replace(weights.noise, level=weights.noise.level[:SENSORS])
+    calm = replace(system, E1=0.0 * system.E1, E2=0.0 * system.E2)
+    separating = replace(weights, cross_talk=CROSS_TALK)
+    rows = isolation_rows(*innovation_factors(calm, L, borne), separating, RANK_NOISE)
+    reduced = reduce_order(stacked(rows), rtol=weights.reduction, keep_dc_gain=True).system
     # f_e = -(N~d d + N~f f), as for the usual detector.
     H = discretise(to_si(-reduced, OUTPUT_UNIT[:SENSORS], FAULT_UNIT), sample_time_s)
 
@@ -90,8 +96,8 @@ def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
         "output_rest": np.array(rest.outputs[:3]),
         "thresholds": noise_thresholds(covariance, shifted, sample_time_s, weights.false_alarms_per_hour),
         "sample_time_s": np.array(sample_time_s),
-        "gamma": np.array(matching.gamma),
-        "lower_bound": np.array(_match(system, L, weights, disturbed=True).plain_lower_bound),
+        "gamma": np.array([row.matching.gamma for row in rows]),
+        "lower_bound": np.array(_bound(system, L, weights)),
     }
 
 
@@ -100,9 +106,7 @@ def _two_outputs(system: FaultySystem) -> FaultySystem:
     return replace(system, C=system.C[rows], D=system.D[rows], E2=system.E2[rows], F2=system.F2[rows])
 
 
-def _match(system: FaultySystem, L: NDArray[np.float64], weights: FdiWeights, *, disturbed: bool) -> Matching:
-    """Minimise `|| [0 T] - H [N~d N~f] ||`, the air flow unknown or absent."""
+def _bound(system: FaultySystem, L: NDArray[np.float64], weights: FdiWeights) -> float:
+    """No filter makes `|| [0 T] - H [N~d N~f] ||` smaller, the air flow unknown."""
     Nd, Nf = disturbance_factor(system, L), fault_factor(system, L)
-    eye = np.eye(Nf.ninputs)
-    T = control.ss(-eye / weights.target_time_s, eye / weights.target_time_s, eye, 0.0 * eye)
-    return isolation_synthesis(Nd if disturbed else 0.0 * Nd, Nf, T, EPS)
+    return isolation_synthesis(Nd, Nf, target(weights, Nf.ninputs), EPS).plain_lower_bound

@@ -14,14 +14,14 @@ class MeasurementNoise:
     Attributes
     ----------
     level : tuple of float
-        On p_e, SH, T_w at high frequency, in design units.
+        On p_e, SH and, with three sensors, T_w at high frequency, in design units.
     at_rest : float
         The part of it that is left at rest: small, so that estimates are exact there.
     corner_rad_s : float
         The frequency from which it counts in full.
     """
 
-    level: tuple[float, float, float]
+    level: tuple[float, ...]
     at_rest: float = 0.01
     corner_rad_s: float = 0.1
 
@@ -45,6 +45,8 @@ class FdiWeights:
         dear at rest, where the estimates are read, and far above T's bandwidth, where steps cross over into the other
         residual. Zeros of `[N~d N~f]` in the right half plane near 1 rad/s leave an error of about T there whatever H
         does.
+    cross_talk : tuple of float
+        How much dearer the other fault is in a residual than its own one: f_p in r_N, f_N in r_p.
     process_noise : float
         Noise on commands and air flow in the observer's Riccati equation, over a measurement noise of one: small, so
         that M~ and N~ are slow against the sampling rate.
@@ -65,9 +67,10 @@ class FdiWeights:
     error_corner_rad_s: float = 0.05
     error_at_rest: float = 0.01
     error_rolloff_rad_s: float = 1.0
+    cross_talk: tuple[float, float] = (2.0, 4.0)
     process_noise: float = 0.1
     sensor_noise: tuple[float, float, float] = (200.0, 0.1, 0.05)
     false_alarms_per_hour: float = 1e-3
     air_flow_step: float = 1.0
-    reduction: float = 1e-3
+    reduction: float = 1e-4
     superheat: SuperheatSensor = "direct"

@@ -118,6 +118,6 @@ class CompensatorWeights:
     )
     actuator: MatchingWeights = MatchingWeights(penalty=(0.2, 0.2), reduction=4e-6)
     sensor: MatchingWeights = MatchingWeights()
-    handover_time_s: float = 10.0
+    handover_time_s: float = 20.0
     fade_time_s: float = 5.0
     washout_time_s: float = 50.0
