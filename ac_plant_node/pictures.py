@@ -17,7 +17,8 @@ from ac_plant_node.lookup import saturation
 from ac_plant_node.parameters import load_parameters
 from ac_plant_node.plant import RPM, Plant
 from ac_plant_node.tables import load_tables
-from bringup.report.svg import Chart, Curve, draw
+from bringup.report.charts import Chart, Curve
+from bringup.report.stills import draw
 
 _COLOURS = ("#1f6fb4", "#2a9d3a", "#c8452d")
 
@@ -36,8 +37,8 @@ def cycle_picture() -> str:
         p_e, p_c = at.outputs[0] * 1.0e-3, at.outputs[3] * 1.0e-3
         h_1, h_2, h_3 = at.state[2] * 1.0e-3, at.discharge_enthalpy_j_kg * 1.0e-3, at.state[8] * 1.0e-3
         curves.append(Curve(np.array([h_3, h_1, h_2, h_3, h_3]), np.array([p_e, p_e, p_c, p_c, p_e]), name, colour))
-    title = "Pressure, kPa, over enthalpy: the three operating points"
-    return draw([Chart(title, curves, "Enthalpy, kJ/kg", log="y")], 1, title)
+    title = "The cycle at the three operating points"
+    return draw([Chart(title, curves, "p, kPa", "h, kJ/kg", log="y")], 1, title, (7.0, 4.5))
 
 
 def step_picture() -> str:
@@ -52,8 +53,12 @@ def step_picture() -> str:
                      aux[model.M_COMPRESSOR] * 1e3, aux[model.M_VALVE] * 1e3))  # fmt: skip
     y = np.array(rows).T
     charts = [
-        Chart("Pressures, kPa", [Curve(time, y[0], "p_e", _COLOURS[0]), Curve(time, y[1], "p_c", _COLOURS[2])]),
-        Chart("Superheat, K", [Curve(time, y[2], "SH", _COLOURS[0])]),
+        Chart(
+            "Pressures",
+            [Curve(time, y[0], "p<sub>e</sub>", _COLOURS[0]), Curve(time, y[1], "p<sub>c</sub>", _COLOURS[2])],
+            "p, kPa",
+        ),
+        Chart("Superheat", [Curve(time, y[2], "", _COLOURS[0])], "SH, K"),
         Chart(
             "Zone lengths",
             [
@@ -62,10 +67,12 @@ def step_picture() -> str:
                 Curve(time, y[5], "two-phase", _COLOURS[2], "dash"),
                 Curve(time, y[6], "subcooled", _COLOURS[2], "dot"),
             ],
+            "part of the length",
         ),
         Chart(
-            "Mass flows, g/s",
+            "Mass flows",
             [Curve(time, y[7], "compressor", _COLOURS[0]), Curve(time, y[8], "valve", _COLOURS[1])],
+            "g/s",
         ),
     ]
     return draw(charts, 2, "Step from the high operating point's inputs to the low one's")
@@ -76,10 +83,10 @@ def drive_cycle_picture(path: Path) -> str:
     run = run_drive_cycle(load_drive_cycle(path))
     t = run.time_s
     charts = [
-        Chart("Vehicle speed, km/h", [Curve(t, run.vehicle_speed_m_s * 3.6, "v", _COLOURS[1])]),
-        Chart("Compressor speed, rpm", [Curve(t, run.compressor_speed_rad_s / RPM, "N", _COLOURS[1])]),
-        Chart("Condenser pressure, kPa", [Curve(t, run.outputs[:, 3] * 1e-3, "p_c", _COLOURS[2])]),
-        Chart("Evaporator pressure, kPa", [Curve(t, run.outputs[:, 0] * 1e-3, "p_e", _COLOURS[0])]),
+        Chart("Vehicle speed", [Curve(t, run.vehicle_speed_m_s * 3.6, "", _COLOURS[1])], "v, km/h"),
+        Chart("Compressor speed", [Curve(t, run.compressor_speed_rad_s / RPM, "", _COLOURS[1])], "N, rpm"),
+        Chart("Condenser pressure", [Curve(t, run.outputs[:, 3] * 1e-3, "", _COLOURS[2])], "p<sub>c</sub>, kPa"),
+        Chart("Evaporator pressure", [Curve(t, run.outputs[:, 0] * 1e-3, "", _COLOURS[0])], "p<sub>e</sub>, kPa"),
     ]
     return draw(charts, 2, f"Open loop through {path.name}")
 

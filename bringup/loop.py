@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from bringup.errors import RunError
 from bringup.recording import Recording, StatusRow
 from bringup.scenario import Scenario, program
+from bringup.software import software
 from bringup.topics import SERIES
 
 if TYPE_CHECKING:
@@ -164,6 +165,7 @@ def simulate(
             "wall_seconds": time.perf_counter() - started,
             "missed_ticks": 0,
             "complete": True,
+            "software": software(),
         },
     )
 

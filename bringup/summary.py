@@ -18,6 +18,8 @@ from bringup.units import FAULT_UNITS, KPA, RPM
 WINDOW_S = 20.0
 #: A detection this long after a fault has gone away still belongs to it, s.
 GRACE_S = 60.0
+#: The actual p_e is back when it stays this near to its reference, kPa (0.1 % of p_e at the medium point).
+SETTLED_KPA = 0.25
 
 _TRUTH = {"compressor_speed": "fault/compressor_speed:compressor", "evaporator_pressure": "fault/evaporator_pressure"}
 
@@ -43,10 +45,12 @@ def summarise(recording: Recording) -> dict[str, Any]:
         ``scenario``, ``mode``, ``passive``, ``ticks``, ``sample_time_s``, ``wall_seconds``, ``real_time_factor``
         (simulated over wall time), ``missed_ticks``, ``complete`` (False for a recording cut short).
 
-        ``faults``: a list in order of onset, each with ``kind``, ``onset_s``, ``size``, ``unit`` (of `size` and
-        `estimate`: rpm or kPa), ``detected_s`` (first detection after the onset), ``isolated_s``, ``isolated_as`` (the
-        first fault named after the onset), and ``estimate`` (the detector's size of that fault, averaged over the last
-        20 s of its isolation).
+        ``faults``: a list in order of onset, each with ``kind``, ``onset_s``, ``end_s`` (None: it stayed), ``size``,
+        ``unit`` (of `size` and `estimate`: rpm or kPa), ``detected_s`` (first detection after the onset),
+        ``isolated_s``, ``isolated_as`` (the first fault named after the onset), ``estimate`` (the detector's size of
+        that fault, averaged over the last 20 s of its isolation); and, until the next fault, of the *actual* p_e minus
+        its reference: ``peak_pressure_error_kpa``, the largest magnitude, and ``settled_s``, from when on it stays
+        within `SETTLED_KPA` (the onset itself when it never leaves that; None when it does not come back).
 
         ``false_alarms``: detections that begin while no fault is present nor was within the last 60 s, plus isolations
         that name a fault that is not there although another one is.
@@ -94,7 +98,7 @@ def summarise(recording: Recording) -> dict[str, Any]:
         "real_time_factor": len(time_s) * sample_time_s / wall_seconds if wall_seconds else None,
         "missed_ticks": int(about.get("missed_ticks") or 0),
         "complete": bool(about.get("complete", True)),
-        "faults": [_fault_summary(recording, faults, number) for number in range(len(faults))],
+        "faults": fault_summaries(recording),
         "false_alarms": false_alarms(recording),
         "metrics": {
             "command_change_rpm": _number(_mean(command_rpm[at_rest]) - _mean(command_rpm[before])),
@@ -129,6 +133,12 @@ def injected_faults(recording: Recording) -> list[InjectedFault]:
         else:
             found += [_read_off(kind, time_s, truth, start, stop) for start, stop in _episodes(time_s, truth != 0.0)]
     return sorted(found, key=lambda fault: fault.onset_s)
+
+
+def fault_summaries(recording: Recording) -> list[dict[str, Any]]:
+    """List what came of each fault: the entry ``faults`` of `summarise`."""
+    faults = injected_faults(recording)
+    return [_fault_summary(recording, faults, number) for number in range(len(faults))]
 
 
 def false_alarms(recording: Recording) -> int:
@@ -208,16 +218,39 @@ def _fault_summary(recording: Recording, faults: list[InjectedFault], number: in
     # While an earlier fault is still detected, a new one shows first when it is named.
     detection = isolation if was_detected else next((row for row in rows if row.detected), None)
     unit, in_si = FAULT_UNITS[fault.kind]
+    peak_kpa, settled_s = _pressure_error(recording, fault.onset_s, until_s)
     return {
         "kind": fault.kind,
         "onset_s": fault.onset_s,
+        "end_s": _number(fault.end_s),
         "size": fault.size / in_si,
         "unit": unit,
         "detected_s": detection.time_s if detection else None,
         "isolated_s": isolation.time_s if isolation else None,
         "isolated_as": isolation.isolated if isolation else None,
         "estimate": _estimate(rows, isolation),
+        "peak_pressure_error_kpa": peak_kpa,
+        "settled_s": settled_s,
     }
+
+
+def _pressure_error(recording: Recording, start_s: float, stop_s: float) -> tuple[float | None, float | None]:
+    """Peak of the actual p_e off its reference, kPa, and from when on it is back; between two times."""
+    series, time_s = recording.series, recording.time_s
+    inside = (time_s >= start_s) & (time_s < stop_s)
+    error_kpa = np.abs(series["plant/evaporator_pressure"] - series["reference/evaporator_pressure"])[inside] / KPA
+    known = np.isfinite(error_kpa)
+    error_kpa, time_s = error_kpa[known], time_s[inside][known]
+    if not len(error_kpa):
+        return None, None
+    off = np.flatnonzero(error_kpa > SETTLED_KPA)
+    if not len(off):
+        settled_s: float | None = start_s
+    elif off[-1] + 1 < len(time_s):
+        settled_s = float(time_s[off[-1] + 1])
+    else:
+        settled_s = None
+    return float(error_kpa.max()), settled_s
 
 
 def _estimate(rows: list[StatusRow], isolation: StatusRow | None) -> float | None:

@@ -1,16 +1,14 @@
 """What `run` and `simulate` share: the folder of the results, and what is written and said at the end."""
 
 import tempfile
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bringup.console import print_json, print_table, say
+from bringup.console import print_json, print_table, progress_bar, say
 from bringup.errors import BringupError, one_line
 
 if TYPE_CHECKING:
     from bringup.recording import Recording
-    from bringup.ros.health import NodeHealth
     from bringup.scenario import Scenario
 
 
@@ -51,28 +49,28 @@ def make_folder(folder: Path) -> None:
         raise BringupError(msg) from None
 
 
-def node_health(bag: Path) -> "list[NodeHealth]":
-    """How the nodes of a recorded run fared."""
-    from bringup.bags.reader import health_reports, read_raw
-    from bringup.ros.health import health_of
-
-    return health_of(health_reports(read_raw(bag)))
-
-
-def finish(recording: "Recording", folder: Path, as_json: bool, health: "Sequence[NodeHealth]" = ()) -> None:
-    """Write summary and report of a run, and say where they are."""
-    from bringup.report.page import write_report
+def finish(recording: "Recording", folder: Path, as_json: bool, bag: Path | None = None) -> None:
+    """Write summary and report of a run, and say where they are; `bag` holds the nodes' health reports."""
     from bringup.summary import summarise, write_summary
 
     summary = summarise(recording)
     write_summary(summary, folder / "summary.json")
-    other, note = companion(recording)
-    write_report(folder / "report.html", recording, other, note, health)
+    write_page(folder / "report.html", recording, bag, *companion(recording))
     if as_json:
         print_json(summary)
     else:
         _print_summary(summary)
         say(f"wrote {folder / 'summary.json'} and {folder / 'report.html'}")
+
+
+def write_page(path: Path, recording: "Recording", bag: Path | None, beside: "Recording | None", note: str) -> None:
+    """Write the report of a run, with what the nodes said of themselves where there is a bag."""
+    from bringup.bags.reader import RawBag, read_raw
+    from bringup.report.nodes import first_tick_s, reports_of
+    from bringup.report.page import write_report
+
+    raw = RawBag() if bag is None else read_raw(bag)
+    write_report(path, recording, beside, note, reports_of(raw), first_tick_s(raw))
 
 
 def companion(recording: "Recording") -> "tuple[Recording | None, str]":
@@ -82,11 +80,32 @@ def companion(recording: "Recording") -> "tuple[Recording | None, str]":
 
     if recording.metadata["passive"] or not recording.metadata["scenario"].get("faults"):
         return None, ""
+    scenario = check(recording.metadata["scenario"], "scenario of the recording")
     try:
-        passive = simulate_loop(check(recording.metadata["scenario"], "scenario of the recording"), passive=True)
+        with progress_bar("the passive run beside it") as progress:
+            passive = simulate_loop(scenario, passive=True, progress=progress)
     except BringupError as problem:
         return None, f"The passive run beside it could not be simulated: {problem}."
+    if not _same_programme(recording, passive):
+        return None, "No passive run beside it: faults or references were changed while this one ran."
     return passive, "The passive run beside it was simulated in one process from the same scenario."
+
+
+def _same_programme(recording: "Recording", other: "Recording") -> bool:
+    """Whether faults and references of a recording are those of the other run, as far as they were recorded."""
+    import numpy as np
+
+    from bringup.topics import BY_NAME
+
+    faults = ("fault/compressor_speed", "fault/evaporator_pressure")
+    references = ("reference/evaporator_pressure", "reference/superheat")
+    for key in (key for name in faults + references for key in BY_NAME[name].series):
+        values = recording.series[key]
+        planned = other.series[key][: len(values)]
+        known = np.isfinite(values)
+        if not np.allclose(values[known], planned[known[: len(planned)]], rtol=1e-9, atol=1e-9):
+            return False
+    return True
 
 
 def _print_summary(summary: dict[str, Any]) -> None:

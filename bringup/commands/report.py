@@ -1,17 +1,26 @@
 """`acftc report`: the report of a recorded run."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from bringup.commands.options import bag_argument, examples
-from bringup.commands.outcome import companion, make_folder, node_health
-from bringup.console import say
+from bringup.commands.options import bag_argument, examples, json_option
+from bringup.commands.outcome import companion, make_folder, write_page
+from bringup.console import print_json, say
 from bringup.errors import BringupError
+
+if TYPE_CHECKING:
+    from bringup.recording import Recording
 
 
 @click.command(
-    epilog=examples("acftc report results/e5/bag --out e5.html"), short_help="Write the report of a recorded run."
+    epilog=examples(
+        "acftc report results/e5",
+        "acftc report results/e5/bag --beside results/e5_passive/bag --out e5.html",
+        "acftc report results/e5 --alone --json | jq .metrics",
+    ),
+    short_help="Write the report of a recorded run.",
 )
 @bag_argument
 @click.option("--out", metavar="FILE", type=click.Path(path_type=Path), help="Default: report.html beside the bag.")
@@ -21,17 +30,50 @@ from bringup.errors import BringupError
     type=click.Path(path_type=Path),
     help="A passive (or active) run to draw beside this one. Default: a simulation of the same scenario.",
 )
-def report(bag: Path, out: Path | None, beside: Path | None) -> None:
-    """Write the report of a recorded run, also of one that was cut short."""
-    from bringup.bags.reader import read_bag
-    from bringup.report.page import write_report
+@click.option("--alone", is_flag=True, help="Draw no other run beside this one.")
+@json_option
+def report(bag: Path, out: Path | None, beside: Path | None, alone: bool, as_json: bool) -> None:
+    """Write the report of a recorded run, also of one that was cut short.
 
-    recording = read_bag(bag)
-    other, note = (read_bag(beside), f"Beside it: {beside}.") if beside else companion(recording)
-    target = out or bag.resolve().parent / "report.html"
-    if target.suffix != ".html":
-        msg = f"--out {target}: the report's name must end in .html; its picture gets the same name with .svg"
+    BAG is the folder of a run, its bag, or an .mcap file. FILE gets the report; pictures of the plots get its name with
+    .svg and .png. With --json the key figures are printed as in summary.json.
+    """
+    from bringup.bags.reader import read_bag
+    from bringup.summary import summarise
+
+    if alone and beside:
+        msg = "--alone and --beside exclude each other"
         raise BringupError(msg)
+    target = out or _default(bag)
+    if target.suffix != ".html":
+        msg = f"--out {target}: the report's name must end in .html; its pictures get the same name with .svg and .png"
+        raise BringupError(msg)
+    recording = read_bag(bag)
+    summary = summarise(recording)
+    if beside:
+        other: Recording | None = _other(recording, beside)
+        note = f"Beside it: {beside}."
+    else:
+        other, note = (None, "") if alone else companion(recording)
     make_folder(target.resolve().parent)
-    write_report(target, recording, other, note, node_health(bag))
+    write_page(target, recording, bag, other, note)
+    if as_json:
+        print_json(summary)
     say(f"wrote {target}")
+
+
+def _default(bag: Path) -> Path:
+    """Put the report beside the bag: into the folder of the run."""
+    folder = bag.resolve()
+    return (folder if (folder / "bag").is_dir() else folder.parent) / "report.html"
+
+
+def _other(recording: "Recording", beside: Path) -> "Recording":
+    from bringup.bags.reader import read_bag
+
+    other = read_bag(beside)
+    if bool(other.metadata["passive"]) == bool(recording.metadata["passive"]):
+        kind = "passive" if other.metadata["passive"] else "active"
+        msg = f"--beside {beside}: is a run with {kind} control as well; allowed: the other kind"
+        raise BringupError(msg)
+    return other

@@ -15,7 +15,7 @@ from bringup.commands.options import (
     scenario_argument,
     set_option,
 )
-from bringup.commands.outcome import finish, load_scenario, node_health, prepare_folder
+from bringup.commands.outcome import finish, load_scenario, prepare_folder
 from bringup.console import progress_bar, say
 from bringup.errors import BringupError, InterruptedRunError, RunError
 
@@ -71,7 +71,7 @@ def run(
     """Run SCENARIO with every node as a process of its own, record it, and write summary and report.
 
     SCENARIO is a built-in name (acftc scenarios) or the path of a YAML file. DIR gets bag/ (a ROS 2 bag),
-    summary.json, report.html and report.svg.
+    summary.json, report.html, and the pictures of the report as .svg and .png.
     """
     from bringup.ros.own_nodes import own_nodes
 
@@ -89,4 +89,4 @@ def run(
             # The input has been checked by now: what fails here is the run.
             kind = InterruptedRunError if isinstance(problem.__context__, KeyboardInterrupt) else RunError
             raise kind(str(problem)) from problem
-    finish(read_bag(folder / "bag"), folder, as_json, node_health(folder / "bag"))
+    finish(read_bag(folder / "bag"), folder, as_json, folder / "bag")

@@ -1,8 +1,9 @@
 """`report.html`: one run as a page that needs nothing else, with the paper's plots and its numbers beside ours."""
 
+import base64
 import html
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -10,12 +11,14 @@ from typing import Any
 import yaml
 
 from bringup.recording import Recording
-from bringup.report.panels import between
+from bringup.report import stills
+from bringup.report.charts import Chart
+from bringup.report.nodes import MOST_EVENTS, Event, Report, events_of, health_charts
+from bringup.report.panels import STORY, around, charts_of, cut
 from bringup.report.paper import figures_for
-from bringup.report.plots import time_plots
-from bringup.report.svg import charts_of, draw
-from bringup.ros.health import NodeHealth
-from bringup.summary import WINDOW_S, injected_faults, summarise
+from bringup.report.story import as_html, story
+from bringup.ros.health import health_of
+from bringup.summary import SETTLED_KPA, WINDOW_S, summarise
 
 _METRICS = (
     ("command_change_rpm", "Change of the commanded compressor speed at rest", "rpm", "+.2f"),
@@ -25,14 +28,15 @@ _METRICS = (
     ("steady_superheat_error_k", "Actual superheat minus reference at rest", "K", "+.3f"),
 )
 
-#: Panels of the still pictures, and the time that they show around a fault: from before its onset to after it, s.
-_PANELS = ("Compressor speed", "Evaporator pressure", "Expansion valve", "Superheat", "Residual")
-BEFORE_S, AFTER_S = 20.0, 100.0
-
 _FAULT_NAMES = {
     "compressor_speed": "f<sub>N</sub> compressor speed",
     "evaporator_pressure": "f<sub>p</sub> pressure sensor",
 }
+#: Faults that get plots of their own; the plots of the whole run show all.
+MOST_DETAILS = 6
+
+_WIDE_IN = (2 * stills.SIZE_IN[0], stills.SIZE_IN[1])
+_PAGE = Path(__file__).with_name("page.html")
 
 
 def write_report(
@@ -40,106 +44,116 @@ def write_report(
     recording: Recording,
     beside: Recording | None = None,
     note: str = "",
-    health: Sequence[NodeHealth] = (),
+    reports: Sequence[Report] = (),
+    first_tick_s: float = 0.0,
 ) -> None:
-    """Write the report of a run, and its plots as a still picture beside it.
+    """Write the report of a run, and its plots as still pictures beside it.
 
     Parameters
     ----------
     path
-        The HTML file to write; the picture gets the same name with ``.svg``.
+        The HTML file to write. The pictures get the same name: ``.svg`` and ``.png`` of the whole run,
+        ``_fault_1.svg`` and ``_fault_1.png`` of the time around the first fault, and so on.
     recording
         The run.
     beside
         A run of the same scenario with the other kind of control (passive beside active), drawn into the same plots.
     note
         Where `beside` comes from, one sentence for the reader.
-    health
-        How the nodes fared, when there were any.
+    reports
+        Health reports of the nodes, when there were any.
+    first_tick_s
+        Stamp of the first tick, where nodes tell times by stamps.
     """
-    path.write_text(render(recording, beside, note, health), encoding="utf-8")
-    picture = draw(charts_of(recording, beside, _PANELS), 2, str(recording.metadata["scenario"]["name"]))
-    path.with_suffix(".svg").write_text(picture, encoding="utf-8")
+    path.write_text(render(recording, beside, note, reports, first_tick_s, path.with_suffix("")), encoding="utf-8")
 
 
 def render(
-    recording: Recording, beside: Recording | None = None, note: str = "", health: Sequence[NodeHealth] = ()
+    recording: Recording,
+    beside: Recording | None = None,
+    note: str = "",
+    reports: Sequence[Report] = (),
+    first_tick_s: float = 0.0,
+    pictures: Path | None = None,
 ) -> str:
-    """Text of the report; see `write_report`."""
+    """Text of the report; see `write_report`. With `pictures` the still pictures are written, too."""
+    if beside is not None:
+        beside = cut(beside, float(recording.time_s[-1]))  # a run that was cut short is compared as far as it goes
     summary = summarise(recording)
     other = None if beside is None else summarise(beside)
     scenario = recording.metadata["scenario"]
-    plots = time_plots(recording, beside)
-    return _PAGE.substitute(
+    events = events_of(reports, first_tick_s)
+    plots = _Plots(pictures)
+    sections = [
+        ("faults", "Faults", _faults_table(summary)),
+        ("figures", "Figures", _metrics_table(summary, other, scenario)),
+        *_details(summary, recording, beside, note, plots),
+        ("run", "The whole run", _whole_run(recording, beside, note, plots)),
+        ("nodes", "Timing and health of the nodes", _nodes(recording, reports, plots)),
+        ("events", "Events", _events_table(events, reports)),
+        ("parameters", "Parameters", _parameters(recording)),
+        ("again", "How to run it again", _again(summary, scenario)),
+    ]
+    sections = [section for section in sections if section[2]]
+    return Template(_PAGE.read_text(encoding="utf-8")).substitute(
         title=html.escape(f"{summary['scenario']} ({'passive' if summary['passive'] else 'active'})"),
         description=html.escape(scenario.get("description", "")),
-        verdict=_verdict(summary),
-        warning=_warning(summary),
-        facts=_facts(summary, scenario, recording.metadata.get("started", "unknown")),
-        faults=_faults_table(summary),
-        metrics=_metrics_table(summary, other, scenario),
-        note=f"<p class=note>{html.escape(note)}</p>" if note else "",
-        plots=plots.to_html(
-            full_html=False,
-            include_plotlyjs=True,
-            div_id="time-plots",
-            config={"responsive": True, "displaylogo": False, "toImageButtonOptions": {"format": "svg"}},
-        ),
-        still=draw(charts_of(recording, beside, _PANELS), 2, summary["scenario"]),
-        details=_details(recording, beside),
-        nodes=_nodes_table(health),
-        scenario=html.escape(yaml.safe_dump(_without_empty(scenario), sort_keys=False, width=100)),
-        command=html.escape(_command(summary)),
+        story=as_html(story(summary, other, events)),
+        contents="".join(f"<a href=#{name}>{heading}</a>" for name, heading, _ in sections),
+        facts=_facts(summary, scenario, recording.metadata),
+        body="\n".join(f"<h2 id={name}>{heading}</h2>\n{text}" for name, heading, text in sections),
     )
 
 
-def _verdict(summary: dict[str, Any]) -> str:
-    """Say in one sentence what happened."""
-    parts = [_fault_verdict(fault) for fault in summary["faults"]] or ["No fault was injected"]
-    alarms = summary["false_alarms"]
-    plural = "s" if alarms > 1 else ""
-    parts.append("no false alarm" if alarms == 0 else f"<strong>{alarms} false alarm{plural}</strong>")
-    return "; ".join(parts) + "."
+class _Plots:
+    """Puts plots into the page: one to zoom and hover, and a still one for print, which is written to a file, too."""
+
+    def __init__(self, pictures: Path | None) -> None:
+        self._pictures = pictures
+        self._library = True
+
+    def put(self, charts: Sequence[Chart], name: str, title: str, *, wide: bool = False) -> str:
+        """HTML of `charts`, two beside each other, or one if `wide`; `name` is added to the picture's file name."""
+        columns, size_in = (1, _WIDE_IN) if wide else (2, stills.SIZE_IN)
+        from bringup.report.interactive import figure  # takes half a second to import
+
+        moving = figure(charts, columns).to_html(
+            full_html=False,
+            include_plotlyjs=self._library,
+            div_id=f"plots{name}",
+            config={"responsive": True, "displaylogo": False, "toImageButtonOptions": {"format": "svg", "scale": 1}},
+        )
+        self._library = False  # once in a page is enough
+        if self._pictures is None:
+            still = stills.draw(charts, columns, title, size_in)
+        else:
+            still = stills.save(charts, self._pictures.with_name(self._pictures.name + name), columns, title, size_in)
+        data = base64.b64encode(still.encode()).decode()
+        picture = f'<img alt="{html.escape(title)}" src="data:image/svg+xml;base64,{data}">'
+        return f"<div class=screen>{moving}</div><div class=print>{picture}</div>"
 
 
-def _fault_verdict(fault: dict[str, Any]) -> str:
-    what = f"{fault['size']:g} {fault['unit']} on {fault['kind'].replace('_', ' ')} at {fault['onset_s']:g} s"
-    named = fault["isolated_as"]
-    if named is None:
-        return f"{what}: not isolated"
-    wrongly = "" if named == fault["kind"] else "<strong>wrongly</strong> "
-    after = fault["isolated_s"] - fault["onset_s"]
-    size = "" if fault["estimate"] is None else f", size {fault['estimate']:.2f} {_unit(named)}"
-    return f"{what}: {wrongly}isolated as {named.replace('_', ' ')} after {after:.1f} s{size}"
+# ------------------------------------------------------------------------------------------------------- sections
 
 
-def _unit(kind: str) -> str:
-    return "rpm" if kind == "compressor_speed" else "kPa"
-
-
-def _warning(summary: dict[str, Any]) -> str:
-    if summary["complete"]:
-        return ""
-    return "<p class=warning>This recording was cut short; the figures cover what is there.</p>"
-
-
-def _facts(summary: dict[str, Any], scenario: dict[str, Any], started: str) -> str:
+def _facts(summary: Mapping[str, Any], scenario: Mapping[str, Any], about: Mapping[str, Any]) -> str:
     factor, wall = summary["real_time_factor"], summary["wall_seconds"]
-    speed = "unknown" if not factor else f"{wall:.2f} s, {factor:.0f} times real time"
+    speed = "unknown" if not factor else f"{wall:.2f} s, {factor:.{0 if factor >= 10 else 1}f} times real time"
     control = "passive: K<sub>0</sub> alone" if summary["passive"] else "active: K<sub>0</sub> with compensator Q"
+    seconds = summary["ticks"] * summary["sample_time_s"]
     facts = [
+        ("Started", html.escape(str(about.get("started", "unknown")).replace("T", " ").replace("+00:00", " UTC"))),
         ("Mode", {"simulate": "one process, without ROS"}.get(summary["mode"], summary["mode"])),
         ("Control", control),
         ("Operating point", html.escape(str(scenario.get("operating_point", "")))),
-        ("Ticks", f"{summary['ticks']} at {summary['sample_time_s']:g} s"),
+        ("Ticks", f"{summary['ticks']} at {summary['sample_time_s']:g} s: {seconds:g} s"),
         ("Wall time", speed),
         ("Missed ticks", str(summary["missed_ticks"])),
-        ("Started", html.escape(str(started))),
     ]
     return "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in facts)
 
 
-def _faults_table(summary: dict[str, Any]) -> str:
+def _faults_table(summary: Mapping[str, Any]) -> str:
     if not summary["faults"]:
         return ""
     rows = []
@@ -148,52 +162,34 @@ def _faults_table(summary: dict[str, Any]) -> str:
         rows.append(
             [
                 _FAULT_NAMES[fault["kind"]],
-                f"{fault['size']:g} {fault['unit']}",
-                f"{fault['onset_s']:g}",
+                f"{_cell(fault['size'], 'g')} {fault['unit']}",
+                _span(fault),
                 _cell(fault["detected_s"], ".1f"),
                 _cell(fault["isolated_s"], ".1f"),
                 "–" if isolated is None else _FAULT_NAMES[isolated],
                 "–" if isolated is None else f"{_cell(fault['estimate'], '.2f')} {_unit(isolated)}",
+                _cell(fault["peak_pressure_error_kpa"], ".2f"),
+                _cell(fault["settled_s"], ".1f"),
             ]
         )
     heads = ["Fault", "Size", "Onset, s", "Detected, s", "Isolated, s", "Isolated as", "Estimate"]
-    return "<h2>Faults</h2>" + _table(heads, rows)
+    heads += ["p<sub>e</sub> off by, kPa", "p<sub>e</sub> back, s"]
+    note = (
+        "Times from the start of the run. “p<sub>e</sub> back”: from then on until the next fault the actual "
+        f"p<sub>e</sub> stays within {SETTLED_KPA:g} kPa of its reference."
+    )
+    return _table(heads, rows) + f"<p class=note>{note}</p>"
 
 
-def _details(recording: Recording, beside: Recording | None) -> str:
-    """Still pictures of the time around each fault, where the transients can be seen."""
-    parts = []
-    for fault in injected_faults(recording):
-        start, stop = fault.onset_s - BEFORE_S, fault.onset_s + AFTER_S
-        cut = between(recording, start, stop)
-        other = None if beside is None else between(beside, start, stop)
-        name = _FAULT_NAMES[fault.kind]
-        parts.append(f"<h2>Around the fault {name}, {fault.onset_s:g} s</h2>")
-        parts.append(
-            f"<div class=scroll>{draw(charts_of(cut, other, _PANELS), 2, f'Around {fault.onset_s:g} s')}</div>"
-        )
-    return "\n".join(parts)
+def _span(fault: Mapping[str, Any]) -> str:
+    return f"{fault['onset_s']:g}" + ("" if fault["end_s"] is None else f" to {fault['end_s']:g}")
 
 
-def _nodes_table(health: Sequence[NodeHealth]) -> str:
-    """How the nodes fared; empty for a run without nodes."""
-    if not health:
-        return ""
-    rows = [
-        [
-            f"<code>{html.escape(node.name)}</code>",
-            html.escape(node.state),
-            _cell(node.latency_p50_ms, ".2f"),
-            _cell(node.latency_max_ms, ".2f"),
-            f"{node.rejected_inputs} {html.escape(node.last_rejected)}",
-        ]
-        for node in health
-    ]
-    heads = ["Node", "State at the end", "Latency, typical, ms", "longest, ms", "Inputs refused"]
-    return "<h2>Nodes</h2>" + _table(heads, rows)
+def _unit(kind: str) -> str:
+    return "rpm" if kind == "compressor_speed" else "kPa"
 
 
-def _metrics_table(summary: dict[str, Any], other: dict[str, Any] | None, scenario: dict[str, Any]) -> str:
+def _metrics_table(summary: Mapping[str, Any], other: Mapping[str, Any] | None, scenario: Mapping[str, Any]) -> str:
     """Metrics of this run and the one beside it; for the paper's experiments its numbers in columns of their own."""
     runs = [run for run in (summary, other) if run is not None]
     runs.sort(key=lambda run: run["passive"])
@@ -219,6 +215,128 @@ def _metrics_table(summary: dict[str, Any], other: dict[str, Any] | None, scenar
     return _table(heads, rows) + f"<p class=note>{caption}</p>" + remark
 
 
+def _details(
+    summary: Mapping[str, Any], recording: Recording, beside: Recording | None, note: str, plots: _Plots
+) -> list[tuple[str, str, str]]:
+    """Plots of the time around each fault, where the transients can be seen."""
+    sections = []
+    for number, fault in enumerate(summary["faults"][:MOST_DETAILS], start=1):
+        charts = charts_of(recording, beside, STORY, around(fault["onset_s"]))
+        title = f"Around the fault {_FAULT_NAMES[fault['kind']]}, {fault['onset_s']:g} s"
+        picture = plots.put(charts, f"_fault_{number}", f"{summary['scenario']}: around {fault['onset_s']:g} s")
+        sections.append((f"fault-{number}", title, _note(note) + picture))
+    return sections
+
+
+def _whole_run(recording: Recording, beside: Recording | None, note: str, plots: _Plots) -> str:
+    hint = "Drag to zoom, double-click to see all again; a click on a name in a legend hides its line."
+    charts = charts_of(recording, beside)
+    picture = plots.put(charts, "", f"{recording.metadata['scenario']['name']}: the whole run")
+    return f"{_note(note)}<p class='note screen'>{hint}</p>{picture}"
+
+
+def _nodes(recording: Recording, reports: Sequence[Report], plots: _Plots) -> str:
+    """How the nodes fared; empty for a run without nodes."""
+    if not reports:
+        return ""
+    rows = [
+        [
+            f"<code>{html.escape(node.name)}</code>",
+            html.escape(node.state),
+            _cell(node.latency_p50_ms, ".2f"),
+            _cell(node.latency_max_ms, ".2f"),
+            f"{node.rejected_inputs} {html.escape(node.last_rejected)}",
+        ]
+        for node in health_of((report.node, report.values) for report in reports)
+    ]
+    heads = ["Node", "State in its last report", "Inputs to outputs, typical, ms", "longest, ms", "Inputs refused"]
+    latency = recording.metadata.get("command_latency_ms")
+    whole = ""
+    if latency and math.isfinite(latency["p50"]):
+        whole = (
+            "<p>From a measurement's stamp to the command's arrival at the plant: half of the ticks within "
+            f"{latency['p50']:.2f} ms, 99 % within {latency['p99']:.2f} ms, the longest {latency['max']:.2f} ms.</p>"
+        )
+    charts = health_charts(reports)
+    return (
+        _table(heads, rows) + whole + (plots.put(charts, "_nodes", "Timing of the nodes", wide=True) if charts else "")
+    )
+
+
+def _events_table(events: Sequence[Event], reports: Sequence[Report]) -> str:
+    """What nodes reported out of the ordinary; empty for a run without nodes."""
+    if not reports:
+        return ""
+    if not events:
+        return "<p>None: no node refused an input, missed a tick, changed what it does or was started again.</p>"
+    rows = [
+        [_cell(event.time_s, ".1f"), f"<code>{html.escape(event.node)}</code>", html.escape(event.what)]
+        for event in events[:MOST_EVENTS]
+    ]
+    table = _table(["Time, s", "Node", "What it reported"], rows)
+    more = len(events) - MOST_EVENTS
+    if more <= 0:
+        return table
+    return f"{table}<p class=note>And {more} more; the bag holds them all on <code>/diagnostics</code>.</p>"
+
+
+def _parameters(recording: Recording) -> str:
+    """With what the run was made: versions, and the parameters that each node was given."""
+    software: Mapping[str, Any] = recording.metadata.get("software", {})
+    nodes: Mapping[str, Any] = recording.metadata.get("parameters", {})
+    scenario: Mapping[str, Any] = recording.metadata["scenario"]
+    given = {
+        "sample time": f"{recording.metadata['sample_time_s']:g} s",
+        "sensors": "p_e, SH and wall thermocouple" if scenario.get("sensors", 3) == 3 else "p_e and SH",
+        "superheat": f"{scenario.get('superheat_sensor', 'direct')} sensor",
+        "noise (standard deviation)": _noise(scenario.get("noise", {})),
+    }
+    rows = [[html.escape(key), html.escape(str(value))] for key, value in {**given, **software}.items()]
+    text = _table(["", ""], rows)
+    if nodes:
+        rows = [
+            [f"<code>{html.escape(node)}</code>", "<br>".join(html.escape(f"{key}: {own[key]}") for key in own)]
+            for node, own in nodes.items()
+        ]
+        text += "<h3>Given to the nodes</h3>" + _table(["Node", "Parameters; the others have their defaults"], rows)
+    return text
+
+
+def _noise(noise: Mapping[str, Any]) -> str:
+    units = {"evaporator_pressure_kpa": "kPa", "superheat_k": "K", "wall_temperature_k": "K"}
+    names = {key: key.rpartition("_")[0].replace("_", " ") for key in units}
+    parts = [f"{names[key]} {noise[key]:g} {units[key]}" for key in units if noise.get(key)]
+    return ", ".join([*parts, f"seed {noise.get('seed', 0)}"]) if parts else "none"
+
+
+def _again(summary: Mapping[str, Any], scenario: Mapping[str, Any]) -> str:
+    """The command that repeats the run, and the scenario when it is not a built-in one as it is."""
+    from bringup.scenario import built_in_scenarios, load
+
+    name = summary["scenario"]
+    built_in = name in built_in_scenarios() and load(name).model_dump(mode="json", exclude={"passive"}) == {
+        key: value for key, value in scenario.items() if key != "passive"
+    }
+    passive = " --passive" if summary["passive"] else ""
+    source = name if built_in else "scenario.yaml"
+    if summary["mode"] == "simulate":
+        command = f"acftc simulate {source} --out results{passive}"
+    else:
+        command = f"acftc run {source} --out results --mode {summary['mode']}{passive}"
+    text = html.escape(yaml.safe_dump(_without_empty(scenario), sort_keys=False, width=100))
+    if built_in:
+        return f"<pre>{html.escape(command)}</pre><p class=note>The built-in scenario in full:</p><pre>{text}</pre>"
+    saved = "<p class=note>Save the scenario as <code>scenario.yaml</code>, then:</p>"
+    return f"{saved}<pre>{html.escape(command)}</pre><pre>{text}</pre>"
+
+
+# -------------------------------------------------------------------------------------------------------- details
+
+
+def _note(text: str) -> str:
+    return f"<p class=note>{html.escape(text)}</p>" if text else ""
+
+
 def _cell(value: float | None, digits: str) -> str:
     """Format a number for a table: a dash where there is none, a true minus, and no sign on what rounds to zero."""
     if value is None or math.isnan(value):
@@ -229,8 +347,9 @@ def _cell(value: float | None, digits: str) -> str:
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     head = "".join(f"<th>{text}</th>" for text in heads)
+    head = f"<thead><tr>{head}</tr></thead>" if any(heads) else ""
     body = "".join("<tr>" + "".join(f"<td>{text}</td>" for text in row) + "</tr>" for row in rows)
-    return f"<div class=scroll><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
+    return f"<div class=scroll><table>{head}<tbody>{body}</tbody></table></div>"
 
 
 def _without_empty(value: Any) -> Any:
@@ -241,63 +360,3 @@ def _without_empty(value: Any) -> Any:
     if isinstance(value, list):
         return [_without_empty(item) for item in value]
     return value
-
-
-def _command(summary: dict[str, Any]) -> str:
-    passive = " --passive" if summary["passive"] else ""
-    scenario = "scenario.yaml"
-    if summary["mode"] == "simulate":
-        return f"acftc simulate {scenario} --out results{passive}"
-    return f"acftc run {scenario} --out results --mode {summary['mode']}{passive}"
-
-
-_PAGE = Template("""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>acftc: $title</title>
-<style>
-  :root { --ink: #1a1a1a; --soft: #5a5f66; --line: #d8dbdf; --blue: #0072b2; }
-  body { font: 16px/1.5 system-ui, "DejaVu Sans", sans-serif; color: var(--ink); margin: 0 auto; max-width: 1180px;
-         padding: 1.5rem; }
-  h1 { font-size: 1.6rem; margin: 0; } h2 { font-size: 1.15rem; margin: 2rem 0 .5rem; }
-  .description { color: var(--soft); margin: .2rem 0 1rem; }
-  .verdict { border-left: 4px solid var(--blue); padding: .3rem .9rem; background: #f2f7fb; }
-  .warning { border-left: 4px solid #d55e00; padding: .3rem .9rem; background: #fdf3ec; }
-  dl { display: flex; flex-wrap: wrap; gap: .4rem 2rem; margin: 1rem 0; }
-  dt { font-size: .8rem; color: var(--soft); } dd { margin: 0; }
-  table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
-  th { text-align: left; font-weight: 600; border-bottom: 2px solid var(--line); }
-  th, td { padding: .25rem .9rem .25rem 0; vertical-align: top; } td { border-bottom: 1px solid var(--line); }
-  .scroll { overflow-x: auto; } .note { font-size: .9rem; color: var(--soft); max-width: 60rem; }
-  pre { background: #f6f7f8; padding: .8rem 1rem; overflow-x: auto; font-size: .88rem; }
-  svg[role=img] { max-width: 100%; height: auto; } .print { display: none; }
-  /* Still pictures for print: the plots above are laid out for a screen. */
-  @media print { body { max-width: none; padding: 0; font-size: 12px; } h2 { break-after: avoid; }
-                 .scroll { overflow: visible; } .screen { display: none; } .print { display: block; }
-                 pre { white-space: pre-wrap; } table, .verdict, svg { break-inside: avoid; } }
-</style>
-</head>
-<body>
-<h1>$title</h1>
-<p class="description">$description</p>
-<p class="verdict">$verdict</p>
-$warning
-<dl>$facts</dl>
-$faults
-<h2>Figures</h2>
-$metrics
-<h2>Course of the run</h2>
-$note
-<div class="screen">$plots</div>
-<div class="print">$still</div>
-$details
-$nodes
-<h2>How to run it again</h2>
-<p class="note">Save the scenario as <code>scenario.yaml</code>, then:</p>
-<pre>$command</pre>
-<pre>$scenario</pre>
-</body>
-</html>
-""")

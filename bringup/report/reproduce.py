@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from bringup.errors import BringupError
 from bringup.loop import designs_at, simulate
 from bringup.recording import Recording
-from bringup.report.panels import BLUE, GREEN, VERMILION
+from bringup.report.charts import BLUE, GREEN, VERMILION, Chart, Curve
+from bringup.report.panels import charts_of
 from bringup.report.paper import ACCOMMODATION
 from bringup.report.reproduce_page import page
-from bringup.report.svg import Chart, Curve, charts_of, draw
+from bringup.report.stills import draw
 from bringup.report.verdicts import AGREES, DIFFERS, Experiment, Finding, at_least, at_most, near, noted, toward
 from bringup.scenario import DEFAULT_SAMPLE_TIME_S, Air, load
 from bringup.summary import summarise
@@ -26,8 +27,8 @@ POINTS = ("low", "med", "high")
 #: A residual has this long to arrive at its fault, s.
 SETTLING_S = 60.0
 
-_RESIDUALS = ("Residual r<sub>N</sub>", "Residual r<sub>p</sub>")
-_LOOP = ("Compressor speed", "Evaporator pressure", "Expansion valve", "Superheat")
+_RESIDUALS = ("r_N", "r_p")
+_LOOP = ("p_e", "SH", "N", "valve")
 
 
 def reproduce(out_dir: Path, cycle: Path | None = None, say: Callable[[str], None] | None = None) -> list[Experiment]:
@@ -172,9 +173,9 @@ def isolation_two_sensors() -> Experiment:
         "The paper: with two sensors the residuals are very sensitive to the disturbance. Ours are: the disturbance "
         "alone moves them by more than the faults do; the lower bound says that no other filter could help."
     )
-    titles = (*_RESIDUALS, "Evaporator air flow")
+    panels = (*_RESIDUALS, "air_flow")
     return Experiment(
-        "E3", "Isolation with two sensors under disturbance", findings, remark, _picture("E3", run, None, titles)
+        "E3", "Isolation with two sensors under disturbance", findings, remark, _picture("E3", run, None, panels)
     )
 
 
@@ -192,9 +193,9 @@ def isolation_disturbed() -> Experiment:
         noted("r_N before any fault, peak", "rpm", _peak(r_n[run.time_s < onset_n])),
         noted("r_p before any fault, peak", "kPa", _peak(r_p[run.time_s < onset_n])),
     ]
-    titles = ("Evaporator pressure", "Superheat", *_RESIDUALS, "Evaporator air flow")
+    panels = ("p_e", "SH", *_RESIDUALS, "air_flow")
     remark = "Manoeuvre of +5 kPa and -2.5 K from 100 s, air flow +10 % at 200 s, back at 550 s, -10 % at 850 s."
-    return Experiment("E4", "Isolation with the wall thermocouple", findings, remark, _picture("E4", run, None, titles))
+    return Experiment("E4", "Isolation with the wall thermocouple", findings, remark, _picture("E4", run, None, panels))
 
 
 def actuator_fault() -> Experiment:
@@ -240,7 +241,8 @@ def compensators() -> Experiment:
         looks = zip(POINTS, (GREEN, BLUE, VERMILION), ("dash", "solid", "dashdot"), strict=True)
         charts.append(
             Chart(
-                title=f"{name.replace('_', '<sub>')}</sub>, largest singular value (rpm, % over kPa, K, K)",
+                title=f"Compensator {name.replace('_', '<sub>')}</sub>",
+                y_title="largest singular value (rpm, % over kPa, K, K)",
                 curves=[Curve(frequencies, gains[point], point, colour, dash) for point, colour, dash in looks],
                 x_title="Frequency, rad/s",
                 log="xy",
@@ -278,10 +280,10 @@ def drive_cycle(cycle: Path | None) -> Experiment:
         noted("highest p_c", "kPa", float(p_c.max())),
     ]
     charts = [
-        Chart("Vehicle speed, km/h", [Curve(run.time_s, 3.6 * run.vehicle_speed_m_s, "vehicle", GREEN)]),
-        Chart("Compressor speed N, rpm", [Curve(run.time_s, run.compressor_speed_rad_s / RPM, "compressor", BLUE)]),
-        Chart("Evaporator pressure p<sub>e</sub>, kPa", [Curve(run.time_s, p_e, "p_e", BLUE)]),
-        Chart("Condenser pressure p<sub>c</sub>, kPa", [Curve(run.time_s, p_c, "p_c", VERMILION)]),
+        Chart("Vehicle speed", [Curve(run.time_s, 3.6 * run.vehicle_speed_m_s, "", GREEN)], "v, km/h"),
+        Chart("Compressor speed", [Curve(run.time_s, run.compressor_speed_rad_s / RPM, "", BLUE)], "N, rpm"),
+        Chart("Evaporator pressure", [Curve(run.time_s, p_e, "", BLUE)], "p<sub>e</sub>, kPa"),
+        Chart("Condenser pressure", [Curve(run.time_s, p_c, "", VERMILION)], "p<sub>c</sub>, kPa"),
     ]
     remark = (
         "The plant alone, open loop from the medium point: belt-driven compressor, valve and air held. The paper "

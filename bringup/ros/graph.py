@@ -21,6 +21,7 @@ from bringup.errors import BringupError, InterruptedRunError, RunError
 from bringup.ros.own_nodes import OwnNodes
 from bringup.ros.processes import Child, Domain, ros_environment, start, stop
 from bringup.scenario import Scenario
+from bringup.software import software
 from bringup.topics import (
     COMPENSATOR,
     CONTROLLER,
@@ -167,6 +168,7 @@ def node_parameters(scenario: Scenario, out_dir: Path, mode: Mode, passive: bool
         "operating_point": scenario.operating_point,
         "ticks": scenario.ticks,
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
+        "software": software(),
     }
     log = (out_dir / "log").resolve()
     copies = {node: {"design_copy": str(log / f"{node}.npz")} for node in DESIGNED}
@@ -184,15 +186,21 @@ def node_parameters(scenario: Scenario, out_dir: Path, mode: Mode, passive: bool
         COMPENSATOR: {**design, **copies[COMPENSATOR], **superheat, "accommodate": not passive},
         CONTROLLER: {**design, **copies[CONTROLLER]},
         SCENARIO: {"scenario": json.dumps(content)},
-        RECORDER: {
-            "folder": str((out_dir / "bag").resolve()),
-            "designs": str(log),
-            "run": json.dumps(run),
-            "ticks": scenario.ticks,
-            "mode": mode,
-        },
     }
-    return {name: own if name == RECORDER else {**own, **priority} for name, own in parameters.items()}
+    parameters = {name: {**own, **priority} for name, own in parameters.items()}
+    told_elsewhere = ("scenario", "design_copy")
+    run["parameters"] = {
+        name: {key: value for key, value in own.items() if key not in told_elsewhere}
+        for name, own in parameters.items()
+    }
+    parameters[RECORDER] = {
+        "folder": str((out_dir / "bag").resolve()),
+        "designs": str(log),
+        "run": json.dumps(run),
+        "ticks": scenario.ticks,
+        "mode": mode,
+    }
+    return parameters
 
 
 def node_arguments(

@@ -86,7 +86,7 @@ def _status(scenario: Scenario, time_s: float) -> StatusRow:
     )
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def recording_of() -> Callable[..., Recording]:
     """Make the ideal recording of a scenario given as a mapping."""
 

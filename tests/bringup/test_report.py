@@ -1,31 +1,31 @@
 """The report: whole in itself, and it shows what it should."""
 
+import json
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from bringup.recording import Recording
+from bringup.report.nodes import Report, events_of, health_charts
 from bringup.report.page import render, write_report
-from bringup.report.plots import time_plots
-from bringup.ros.health import health_of
+from bringup.report.story import BAD, GOOD, story
 from bringup.scenario import load
+from bringup.summary import summarise
 
 Make = Callable[..., Recording]
+SENSOR = {"kind": "evaporator_pressure", "size_kpa": 5.0, "onset_s": 100.0}
 
 
-@pytest.fixture
-def actuator_run(recording_of: Make) -> Recording:
-    return recording_of(**load("actuator_fault").model_dump(mode="json", exclude={"passive"}))
-
-
-@pytest.fixture
-def page(actuator_run: Recording, recording_of: Make) -> str:
-    beside = recording_of(passive=True, **load("actuator_fault").model_dump(mode="json", exclude={"passive"}))
-    return render(actuator_run, beside, "The passive run beside it is <made up>.")
+@pytest.fixture(scope="module")
+def page(recording_of: Make) -> str:
+    e5 = load("actuator_fault").model_dump(mode="json", exclude={"passive"})
+    return render(recording_of(**e5), recording_of(passive=True, **e5), "The passive run beside it is <made up>.")
 
 
 class _Links(HTMLParser):
@@ -43,20 +43,29 @@ class _Links(HTMLParser):
         assert self.open.pop() == tag
 
 
+def text_of(page: str) -> str:
+    return re.sub(r"<script.*?</script>|data:[^\"]*", "", page, flags=re.S)
+
+
 def test_it_needs_nothing_from_outside(page: str):
     parser = _Links()
     parser.feed(page)
-    assert parser.links == []
     assert parser.open == []  # well-formed
-    assert "@import" not in re.sub(r"<script.*?</script>", "", page, flags=re.S)
+    assert all(link.startswith(("#", "data:")) for link in parser.links)
+    targets = {link[1:] for link in parser.links if link.startswith("#")}
+    assert targets <= set(re.findall(r"<h2 id=([\w-]+)>", page))
+    assert "@import" not in text_of(page)
+    assert len(page) < 6_300_000  # a run of 1000 s, active and passive
 
 
 def test_it_says_what_was_run_and_what_came_of_it(page: str):
-    text = re.sub(r"<script.*?</script>", "", page, flags=re.S)
+    text = text_of(page)
     assert "actuator_fault (active)" in text
-    assert "isolated as compressor speed after 7.0 s" in text
-    assert "no false alarm" in text
-    assert "onset_s: 500" in text  # how to run it again
+    assert "At 500 s the compressor begins to turn 40 rpm faster than commanded." in text
+    assert "isolated as a fault of the compressor speed after 7.0 s" in text
+    assert "No false alarm." in text
+    assert "acftc simulate actuator_fault --out results" in text  # a built-in one needs no file
+    assert "onset_s: 500" in text
     assert "&lt;made up&gt;" in text  # notes are escaped
     # The paper's numbers stand beside ours: -40 active and -20 passive.
     row = re.search(r"<tr><td>Change of the commanded.*?</tr>", text).group()
@@ -64,47 +73,147 @@ def test_it_says_what_was_run_and_what_came_of_it(page: str):
     assert cells[1:] == ["rpm", "−40.00", "−40", "−40.00", "−20"]
 
 
+def test_there_are_pictures_for_print_of_every_plot(page: str):
+    assert page.count("class=print") == page.count("class=screen>") == 2
+    assert "around 500 s" in page
+
+
 def test_the_papers_numbers_are_left_out_for_another_experiment(recording_of: Make):
-    content = load("actuator_fault", ["faults.0.size_rpm=60"]).model_dump(mode="json", exclude={"passive"})
-    assert "Paper" not in re.sub(r"<script.*?</script>", "", render(recording_of(**content)), flags=re.S)
-
-
-def test_the_plots_are_the_papers(actuator_run: Recording):
-    figure = time_plots(actuator_run, None)
-    titles = [note.text for note in figure.layout.annotations]
-    for quantity in ("Evaporator pressure", "Superheat", "Compressor speed", "Expansion valve", "r<sub>N</sub>"):
-        assert any(quantity in title for title in titles)
-    names = [trace.name for trace in figure.data]
-    for name in ("reference", "actual", "measured", "commanded", "reached the plant", "residual", "fault injected"):
-        assert name in names
-    marks = {trace.name: list(trace.x) for trace in figure.data if trace.mode == "markers"}
-    assert marks == {"detected": [503.0], "isolated": [507.0]}
-    truth = next(trace for trace in figure.data if trace.name == "fault injected")
-    assert truth.y[-1] == pytest.approx(40.0)  # rpm, not rad/s
+    another = load("actuator_fault", ["faults.0.size_rpm=60", "duration_s=540"])
+    text = text_of(render(recording_of(**another.model_dump(mode="json", exclude={"passive"}))))
+    assert "Paper" not in text
+    assert "acftc simulate scenario.yaml" in text
 
 
 def test_it_works_for_a_recording_cut_short_and_without_a_fault(recording_of: Make):
     whole = recording_of(noise={"seed": 1})
-    cut = Recording(
-        whole.time_s[:50],
-        {key: values[:50] for key, values in whole.series.items()},
-        [],
+    for ticks in (1, 50):
+        cut = Recording(
+            whole.time_s[:ticks],
+            {key: values[:ticks] for key, values in whole.series.items()},
+            [],
+            {**whole.metadata, "complete": False, "wall_seconds": None},
+        )
+        text = text_of(render(cut))
+        assert "cut short" in text
+        assert "No fault was injected" in text
+
+
+def test_a_recording_of_nothing_but_gaps_still_has_a_report(recording_of: Make):
+    run = recording_of(faults=[SENSOR])
+    for key in run.series:
+        run.series[key] = np.full_like(run.time_s, np.nan)
+    assert "cannot" not in text_of(render(run))
+
+
+def test_a_run_beside_is_compared_as_far_as_the_run_goes(recording_of: Make):
+    whole, other = recording_of(faults=[SENSOR]), recording_of(passive=True, faults=[SENSOR])
+    other.series["plant/evaporator_pressure"][1900:] += 5e4
+    part = Recording(
+        whole.time_s[:1500],
+        {key: values[:1500] for key, values in whole.series.items()},
+        whole.status[:1500],
         {**whole.metadata, "complete": False},
     )
-    text = render(cut)
-    assert "cut short" in text
-    assert "No fault was injected" in text
+    row = re.search(r"<tr><td>Peak of actual p<sub>e</sub>.*?</tr>", text_of(render(part, other))).group()
+    assert re.findall(r"<td>([\d.]+)</td>", row) == ["1.000", "1.000"]
 
 
-def test_nodes_and_a_picture_beside_it(recording_of: Make, tmp_path: Path):
+def test_nodes_and_pictures_beside_it(recording_of: Make, tmp_path: Path):
+    figures = {"state": "active", "latency_p50_ms": "0.2", "latency_max_ms": "1.0", "rejected_inputs": "0"}
     reports = [
-        ("fdi", {"state": "active", "latency_p50_ms": "0.2", "latency_max_ms": "1.0", "rejected_inputs": "0"}),
-        ("fdi", {"state": "active", "latency_p50_ms": "0.4", "latency_max_ms": "nan", "rejected_inputs": "2"}),
+        Report(float(k), "fdi", "active", {**figures, "rejected_inputs": str(k // 2), "last_rejected": "<NaN>"})
+        for k in range(3)
     ]
-    (health,) = health_of(reports)
-    assert (health.latency_p50_ms, health.latency_max_ms, health.rejected_inputs) == (pytest.approx(0.3), 1.0, 2)
-    recording = recording_of(faults=[{"kind": "evaporator_pressure", "size_kpa": 5.0, "onset_s": 100.0}])
-    write_report(tmp_path / "report.html", recording, health=[health])
-    assert "<code>fdi</code>" in (tmp_path / "report.html").read_text()
-    assert "Around the fault" in (tmp_path / "report.html").read_text()
-    ET.parse(tmp_path / "report.svg")
+    recording = recording_of(faults=[SENSOR])
+    recording.metadata["parameters"] = {"fdi": {"sensors": 3}}
+    recording.metadata["software"] = {"acftc": "1.2.3"}
+    write_report(tmp_path / "report.html", recording, reports=reports)
+    text = text_of((tmp_path / "report.html").read_text())
+    assert "<td><code>fdi</code></td><td>active</td><td>0.20</td><td>1.00</td><td>1 &lt;NaN&gt;</td>" in text
+    assert "1 input refused (the last: &lt;NaN&gt;)" in text
+    assert "sensors: 3" in text
+    assert "1.2.3" in text
+    for name in ("report", "report_fault_1", "report_nodes"):
+        ET.parse(tmp_path / f"{name}.svg")
+        assert (tmp_path / f"{name}.png").stat().st_size > 10_000
+
+
+# ----------------------------------------------------------------------------------------------------- the story
+
+
+def kinds(summary: dict) -> dict[str, str]:
+    return {sentence.text: sentence.kind for sentence in story(summary)}
+
+
+def test_the_story_of_a_fault_that_was_missed_or_taken_for_another(recording_of: Make):
+    run = recording_of(faults=[SENSOR])
+    told = kinds(summarise(run))
+    named = "Detected 3.0 s later, isolated as a fault of the pressure sensor after 7.0 s"
+    assert told[f"{named}; its size was estimated as 5.0 kPa."] == GOOD
+    missed = kinds(summarise(replace(run, status=[])))
+    assert missed["It was not detected."] == BAD
+    wrong = [replace(row, isolated=row.isolated and "compressor_speed") for row in run.status]
+    told = kinds(summarise(replace(run, status=wrong)))
+    assert any(text.startswith("Detected 3.0 s later, but isolated wrongly") and told[text] == BAD for text in told)
+    assert told["1 false alarm: no such fault was there."] == BAD
+
+
+def test_the_story_tells_how_the_pressure_fared_with_and_without(recording_of: Make):
+    run, other = recording_of(faults=[SENSOR]), recording_of(passive=True, faults=[SENSOR])
+    other.series["plant/evaporator_pressure"][1000:] -= 5e3
+    (sentence,) = (
+        one.text for one in story(summarise(run), summarise(other)) if one.text.startswith("The actual evaporator")
+    )
+    own, without = sentence.split(". ")
+    assert own == (
+        "The actual evaporator pressure left its reference by up to 1.00 kPa "
+        "and was back within 0.25 kPa for good after 18.4 s"
+    )
+    assert without == (
+        "Without accommodation it left its reference by up to 5.00 kPa and did not come back to within 0.25 kPa."
+    )
+
+
+# ---------------------------------------------------------------------------------------------------- the events
+
+
+def report(time_s: float, message: str = "active", node: str = "fdi", **values: str) -> Report:
+    return Report(time_s, node, message, {"state": "active", **values})
+
+
+def test_business_as_usual_is_no_event():
+    reports = [Report(0.0, "fdi", "inactive", {"state": "inactive"}), report(1.0, rejected_inputs="0"), report(2.0)]
+    assert events_of(reports) == []
+
+
+def test_what_is_out_of_the_ordinary_is_an_event():
+    reports = [
+        report(0.0, node="gimc_controller"),
+        report(1.0, node="fdi", rejected_inputs="2", **{"rejected/not finite": "2"}, last_rejected="p_e is nan"),
+        report(2.0, node="ac_plant", missed_ticks="3"),
+        report(3.0, "no q: K0 alone", node="gimc_controller", announced=json.dumps([[102.5, "no q: K0 alone"]])),
+        report(4.0, "disk full", node="recorder"),
+        report(5.0, node="gimc_controller", announced="not JSON"),
+        report(6.0, node="fdi", rejected_inputs="2"),
+    ]
+    assert [(event.time_s, event.node, event.what) for event in events_of(reports, first_tick_s=100.0)] == [
+        (1.0, "fdi", "2 inputs refused (2 not finite; the last: p_e is nan)"),
+        (2.0, "ac_plant", "3 ticks missed (command late, the last one held)"),
+        (2.5, "gimc_controller", "no q: K0 alone"),
+        (4.0, "recorder", "disk full"),
+    ]
+
+
+def test_timing_over_the_run_is_drawn_node_by_node():
+    reports = [report(float(k), latency_p50_ms="0.2", latency_max_ms="nan", rate_hz="10") for k in range(3)]
+    reports += [
+        report(float(k), node="ac_plant", latency_p50_ms=str(k), latency_max_ms="2", rate_hz="9") for k in range(3)
+    ]
+    charts = health_charts(reports)
+    assert [[curve.name for curve in chart.curves] for chart in charts] == [
+        ["fdi", "ac_plant"],
+        ["ac_plant"],
+        ["ac_plant"],
+    ]
+    assert health_charts([]) == []

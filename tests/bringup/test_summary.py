@@ -43,6 +43,22 @@ def test_an_actuator_fault(recording_of: Make, tmp_path):
     assert json.loads((tmp_path / "summary.json").read_text()) == summary
 
 
+def test_when_the_pressure_is_back_for_good(recording_of: Make):
+    (fault,) = summarise(recording_of(faults=[ACTUATOR]))["faults"]
+    # A half sine of 1 kPa over 20 s falls below 0.25 kPa at 20 (1 - asin(0.25)/pi) = 18.39 s.
+    assert fault["settled_s"] == pytest.approx(118.4)
+    assert fault["peak_pressure_error_kpa"] == pytest.approx(1.0)
+    away = recording_of(faults=[ACTUATOR])
+    away.series["plant/evaporator_pressure"][-5:] += KPA
+    assert summarise(away)["faults"][0]["settled_s"] is None
+    calm = recording_of(faults=[ACTUATOR])
+    calm.series["plant/evaporator_pressure"] = calm.series["reference/evaporator_pressure"] + 0.2 * KPA
+    assert summarise(calm)["faults"][0]["settled_s"] == 100.0
+    # What comes after the next fault is that one's.
+    first, second = summarise(recording_of(faults=[ACTUATOR, SENSOR]))["faults"]
+    assert (first["settled_s"], second["settled_s"]) == (pytest.approx(118.4), pytest.approx(168.4))
+
+
 def test_the_error_is_that_of_the_actual_pressure_with_its_sign(recording_of: Make):
     recording = recording_of(faults=[SENSOR])
     recording.series["plant/evaporator_pressure"] -= np.where(recording.time_s >= 160.0, 5.0 * KPA, 0.0)
