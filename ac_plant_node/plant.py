@@ -1,5 +1,6 @@
 """The plant as an object: rests at a point, runs on with inputs held, tells its outputs and its balances."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,8 @@ INPUT_LOW = np.array([0.0, 0.0, 0.02, 10.0])
 """Lowest inputs: rad/s, opening 0..1, kg/s, degC."""
 INPUT_HIGH = np.array([6000.0 * RPM, 1.0, 0.3, 50.0])
 """Highest inputs: 6000 rpm, valve fully open, 0.3 kg/s, 50 degC."""
+_LOW: list[float] = INPUT_LOW.tolist()
+_HIGH: list[float] = INPUT_HIGH.tolist()
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,7 @@ class Plant:
         self._charge = float(self._y[0] + self._y[5])
         self._y[5] = 0.0
         self._w = np.array(inputs, dtype=float)
+        self._held: list[float] = self._w.tolist()
         self._guess, self._z, _, self._aux = model.new_workspace()
         self._work = integrator.new_work(tolerance)
         self._memory = self._work[-1]
@@ -104,13 +108,14 @@ class Plant:
             For inputs that are not finite, a negative duration, or a state that left the model's domain.
         """
         w = np.asarray(inputs, dtype=float)
-        if w.shape != (4,) or not np.isfinite(w).all():
+        if w.shape != (4,) or not math.isfinite(w.sum()):  # a sum with inf or nan in it is not finite either
             raise ValueError("plant inputs must be four finite numbers: speed rad/s, opening 0..1, air kg/s, air degC")
         if not 0.0 <= duration_s < 1.0e7:
             raise ValueError(f"duration must be between 0 and 1e7 s, not {duration_s:g}")
-        w = np.minimum(np.maximum(w, INPUT_LOW), INPUT_HIGH)
-        if (w != self._w).any():
-            self._w[:] = w
+        held = [min(max(x, low), high) for x, low, high in zip(w.tolist(), _LOW, _HIGH, strict=True)]
+        if held != self._held:
+            self._held = held
+            self._w[:] = held
             self._memory[integrator.FRESH] = 1.0
             self._clock_ns = 0
         self._clock_ns += round(duration_s * 1.0e9)

@@ -103,48 +103,56 @@ def simulate(
     controller = Controller(designs.controller)
 
     log = {key: np.empty((ticks, width)) for key, width in _WIDTHS.items()}
+    plant_log, air_log, measured_log, innovation_log = (
+        log[key] for key in ("outputs", "air_inlet", "measured", "innovation")
+    )
+    residual_log, q_log, command_log, actuator_log = (log[key] for key in ("residual", "q", "command", "actuator"))
     status: list[StatusRow] = []
+    first, second = designs.fdi.thresholds.tolist()
+    thresholds = (first, second)
+    times, faults, inlets = plan.time_s.tolist(), plan.faults.tolist(), plan.air[:, 1].tolist()
     inputs = rest.inputs.copy()
     outputs = rest.outputs
+    # The plant reports the inlet temperature that acted until now: the one held over the sample just past.
+    air_inlet_temperature_c = float(inputs[3])
     started = time.perf_counter()
     for k in range(ticks):
-        f_n, f_p = plan.faults[k]
-        # The plant reports the inlet temperature that acted until now: the one held over the sample just past.
-        air_inlet_temperature_c = inputs[3]
+        time_s, (f_n, f_p) = times[k], faults[k]
         measured = injector.measure(outputs[:3], f_p)
-        found = detector.observe(plan.time_s[k], measured, air_inlet_temperature_c)
+        found = detector.observe(time_s, measured, air_inlet_temperature_c)
         q = compensator.step(found.innovation, found.isolated, found.also_isolated)
-        command = controller.step(plan.reference[k], measured[:2], q)
+        command = controller.step(plan.reference[k], measured, q)
         detector.commanded(command)
         actuator = injector.actuate(command, f_n)
 
-        log["outputs"][k] = outputs
-        log["air_inlet"][k] = air_inlet_temperature_c
-        log["measured"][k] = measured
-        log["innovation"][k] = found.innovation
-        log["residual"][k] = found.residual
-        log["q"][k] = q
-        log["command"][k] = command
-        log["actuator"][k] = actuator
+        plant_log[k] = outputs
+        air_log[k] = air_inlet_temperature_c
+        measured_log[k] = measured
+        innovation_log[k] = found.innovation
+        residual_log[k] = found.residual
+        q_log[k] = q
+        command_log[k] = command
+        actuator_log[k] = actuator
         status.append(
             StatusRow(
-                time_s=plan.time_s[k],
-                detected=bool(found.detected),
-                isolated=found.isolated,
-                size=float(found.size),
-                onset_s=float(found.onset_s),
-                isolated_s=float(found.isolated_s),
-                thresholds=(float(found.thresholds[0]), float(found.thresholds[1])),
-                also_isolated=found.also_isolated,
+                time_s,
+                found.detected,
+                found.isolated,
+                found.size,
+                found.onset_s,
+                found.isolated_s,
+                thresholds,
+                found.also_isolated,
             )
         )
 
         inputs[:2] = actuator
         inputs[2:] = plan.air[k]
+        air_inlet_temperature_c = inlets[k]
         try:
             outputs = plant.step(inputs, sample_time_s)
         except ValueError as problem:
-            msg = f"{scenario.name}: the plant stopped at {plan.time_s[k]:.1f} s: {problem}"
+            msg = f"{scenario.name}: the plant stopped at {time_s:.1f} s: {problem}"
             raise RunError(msg) from problem
         if progress is not None and k % PROGRESS_EVERY == 0:
             progress(k, ticks)

@@ -1,14 +1,13 @@
 """What a run leaves behind, as arrays: the same for a bag read back and for the loop run in one process."""
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 
-@dataclass(frozen=True)
-class StatusRow:
+class StatusRow(NamedTuple):
     """One message of ``fdi/status``: what the supervision of the residuals said at one tick.
 
     Times count from the first tick of the run. Nan stands for "not yet".

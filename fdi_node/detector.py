@@ -11,6 +11,7 @@ other one, too, when its residual is then more than the first fault could make i
 
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,9 @@ from bringup.topics import FAULTS
 from fdi_node.cache import Arrays
 
 Vector = NDArray[np.float64]
+
+NOT = math.inf
+"""Time since when something holds that does not hold: later than every time."""
 
 
 @dataclass(frozen=True)
@@ -96,8 +100,7 @@ class FdiDesign:
         return cls(sample_time_s=float(arrays["sample_time_s"]), supervision=Supervision(), **matrices)
 
 
-@dataclass(frozen=True)
-class Detection:
+class Detection(NamedTuple):
     """What the detector says at one tick.
 
     Attributes
@@ -132,8 +135,7 @@ class Detection:
     also_isolated: str | None = None
 
 
-@dataclass(frozen=True)
-class _Isolated:
+class _Isolated(NamedTuple):
     """A fault that is isolated: its index in `FAULTS`, since when it is there, when it was isolated."""
 
     fault: int
@@ -142,19 +144,35 @@ class _Isolated:
 
 
 class FaultDetector:
-    """State of the observer, the isolation filter and the decision."""
+    """State of the observer, the isolation filter and the decision.
+
+    Observer and filter are two matrix products a tick on one vector `[xi, u, T_ea, y, eta]`:
+
+        [f_e; r; eta+] = M [xi, u, T_ea, y, eta]     (`observe`)
+        xi+            = N [xi, u, T_ea, y]          (`commanded`)
+    """
 
     def __init__(self, design: FdiDesign) -> None:
         self.design = design
-        self._observer = np.zeros(len(design.a))
-        self._filter = np.zeros(len(design.h_a))
-        self._inputs = np.zeros(6)
-        self._above_since = [math.nan, math.nan]
-        self._leads_since = [math.nan, math.nan]
-        self._own_since = [math.nan, math.nan]  # more than the other fault's cross-talk
-        self._below_since = [math.nan, math.nan]
-        self._onset_s = math.nan
-        self._detected_s = math.nan
+        n, m = len(design.a), len(design.h_a)
+        self._in = np.zeros(n + 6 + m)
+        self._observer, self._known, self._filter = self._in[:n], self._in[: n + 6], self._in[n + 6 :]
+        self._command, self._deviation = self._in[n : n + 2], self._in[n + 3 : n + 6]
+        self._air = n + 2
+        to_innovation = np.hstack([design.c, np.zeros((3, 3)), -np.eye(3)])  # of [xi, u, T_ea, y]
+        through = np.vstack([np.eye(3), design.h_d, design.h_b])
+        own = np.vstack([np.zeros((3, m)), design.h_c, design.h_a])
+        self._observe = np.ascontiguousarray(np.hstack([through @ to_innovation, own]))
+        self._advance = np.ascontiguousarray(np.hstack([design.a, design.b]))
+        self._seen, self._next = np.zeros(5 + m), np.zeros(n)
+        self._command_rest, self._air_rest = design.input_rest[:2], float(design.input_rest[2])
+        self._thresholds: list[float] = design.thresholds.tolist()
+        self._above_since = [NOT, NOT]
+        self._leads_since = [NOT, NOT]
+        self._own_since = [NOT, NOT]  # more than the other fault's cross-talk
+        self._below_since = [NOT, NOT]
+        self._onset_s = NOT
+        self._detected_s = NOT
         self._isolated: list[_Isolated] = []
 
     def observe(self, time_s: float, measured: Vector, air_inlet_temperature_c: float) -> Detection:
@@ -172,25 +190,34 @@ class FaultDetector:
         -------
         Detection
         """
-        design = self.design
-        deviation = measured - design.output_rest
-        innovation: Vector = design.c @ self._observer - deviation
-        residual: Vector = design.h_c @ self._filter + design.h_d @ innovation
-        self._filter = design.h_a @ self._filter + design.h_b @ innovation
-        self._inputs[2] = air_inlet_temperature_c - design.input_rest[2]
-        self._inputs[3:] = deviation
-        self._decide(time_s, [abs(float(r)) / float(t) for r, t in zip(residual, design.thresholds, strict=True)])
-        last = self._isolated[-1] if self._isolated else None
+        np.subtract(measured, self.design.output_rest, out=self._deviation)
+        self._in[self._air] = air_inlet_temperature_c - self._air_rest
+        np.dot(self._observe, self._in, out=self._seen)
+        self._filter[:] = self._seen[5:]
+        seen = self._seen[:5].copy()  # what is handed out stays as it is
+        residual = seen[3:]
+        speed, pressure = residual.tolist()
+        first, second = self._thresholds
+        self._decide(time_s, abs(speed) / first, abs(pressure) / second)
+        if not self._isolated:
+            detected = self._onset_s != NOT
+            onset_s = self._onset_s if detected else math.nan
+            return Detection(
+                seen[:3], residual, self.design.thresholds, detected, None, math.nan, onset_s, math.nan, None
+            )
+        last = self._isolated[-1]
+        also = FAULTS[self._isolated[0].fault] if len(self._isolated) > 1 else None
+        size = pressure if last.fault else speed
         return Detection(
-            innovation=innovation,
-            residual=residual,
-            thresholds=design.thresholds,
-            detected=not math.isnan(self._onset_s),
-            isolated=None if last is None else FAULTS[last.fault],
-            size=math.nan if last is None else float(residual[last.fault]),
-            onset_s=self._onset_s if last is None else last.onset_s,
-            isolated_s=math.nan if last is None else last.isolated_s,
-            also_isolated=FAULTS[self._isolated[0].fault] if len(self._isolated) > 1 else None,
+            seen[:3],
+            residual,
+            self.design.thresholds,
+            True,
+            FAULTS[last.fault],
+            size,
+            last.onset_s,
+            last.isolated_s,
+            also,
         )
 
     def commanded(self, command: Vector) -> None:
@@ -198,29 +225,32 @@ class FaultDetector:
 
         Must be called once after each `observe`: the observer moves on to the next tick here.
         """
-        design = self.design
-        self._inputs[:2] = command - design.input_rest[:2]
-        self._observer = design.a @ self._observer + design.b @ self._inputs
+        np.subtract(command, self._command_rest, out=self._command)
+        np.dot(self._advance, self._known, out=self._next)
+        self._observer[:] = self._next
 
-    def _decide(self, time_s: float, ratios: list[float]) -> None:
+    def _decide(self, time_s: float, *ratios: float) -> None:
         """One step of the state machine on `ratios = |r_i| / threshold_i`."""
         rules = self.design.supervision
-        for i, ratio in enumerate(ratios):
-            other = ratios[1 - i]
-            self._above_since[i] = _since(self._above_since[i], ratio > 1.0, time_s)
-            self._leads_since[i] = _since(self._leads_since[i], ratio > max(1.0, rules.lead * other), time_s)
-            self._own_since[i] = _since(self._own_since[i], ratio > max(1.0, rules.cross_talk[i] * other), time_s)
-            self._below_since[i] = _since(self._below_since[i], ratio < rules.clear_ratio, time_s)
-        if math.isnan(self._onset_s):
+        for i in (0, 1):
+            ratio, other = ratios[i], ratios[1 - i]
+            if ratio > 1.0:
+                self._above_since[i] = min(self._above_since[i], time_s)
+                self._leads_since[i] = _since(self._leads_since[i], ratio > rules.lead * other, time_s)
+                self._own_since[i] = _since(self._own_since[i], ratio > rules.cross_talk[i] * other, time_s)
+            else:
+                self._above_since[i] = self._leads_since[i] = self._own_since[i] = NOT
+            self._below_since[i] = min(self._below_since[i], time_s) if ratio < rules.clear_ratio else NOT
+        if self._onset_s == NOT:
             onsets = [since for since in self._above_since if time_s - since >= rules.confirm_s]
-            self._onset_s = min(onsets, default=math.nan)
+            self._onset_s = min(onsets, default=NOT)
             self._detected_s = time_s
             return
         self._isolate(time_s)
         over = [time_s - since >= rules.clear_s for since in self._below_since]
         self._isolated = [known for known in self._isolated if not over[known.fault]]
         if all(over):
-            self._onset_s = math.nan
+            self._onset_s = NOT
 
     def _isolate(self, time_s: float) -> None:
         """Add to the isolated faults those whose residuals now say so."""
@@ -236,7 +266,5 @@ class FaultDetector:
 
 
 def _since(since: float, holds: bool, time_s: float) -> float:
-    """Time since when a condition holds without a break; nan while it does not."""
-    if not holds:
-        return math.nan
-    return time_s if math.isnan(since) else since
+    """Time since when a condition holds without a break; `NOT` while it does not."""
+    return min(since, time_s) if holds else NOT

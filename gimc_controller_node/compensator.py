@@ -80,13 +80,18 @@ class Compensator:
     def __init__(self, design: CompensatorDesign, accommodate: bool = True) -> None:
         self.design = design
         self.accommodate = accommodate
-        self._state = np.zeros(len(design.a))
-        self._forgotten = np.zeros((2, 6))
-        self._correction = np.zeros((2, 2))
+        n = len(design.a)
+        self._in, self._seen = np.zeros(n + 3), np.zeros(6 + n)
+        self._state, self._innovation = self._in[:n], self._in[n:]
+        self._signals, self._next = self._seen[:6], self._seen[6:]
+        self._filters = np.ascontiguousarray(np.block([[design.c, design.d], [design.a, design.b]]))
+        times = (design.handover_time_s, design.fade_time_s, design.washout_time_s)
+        self._hands_over, fades, self._forgets = (-math.expm1(-design.sample_time_s / time) for time in times)
+        self._fades = 1.0 - fades
+        self._first_lag, self._forgotten, self._kept = np.zeros(6), np.zeros(6), np.zeros(6)
+        self._correction = [0.0, 0.0, 0.0, 0.0]  # first lag, then second one
         self._share = float(accommodate)  # of q that is let through
         self._share_step = design.sample_time_s / design.fade_time_s
-        times = (design.handover_time_s, design.fade_time_s, design.washout_time_s)
-        self._hands_over, self._fades, self._forgets = (-math.expm1(-design.sample_time_s / time) for time in times)
 
     def step(self, innovation: Vector, isolated: str | None, also_isolated: str | None = None) -> Vector:
         """Signal q of this tick.
@@ -105,25 +110,33 @@ class Compensator:
         ndarray, shape (2,)
             q [rad/s, 0..1].
         """
-        design = self.design
-        signals = design.c @ self._state + design.d @ innovation
-        self._state = design.a @ self._state + design.b @ innovation
-        kept = signals - self._forgotten[1]
+        self._innovation[:] = innovation
+        np.dot(self._filters, self._in, out=self._seen)
+        self._state[:] = self._next
+        kept: list[float] = np.subtract(self._signals, self._forgotten, out=self._kept).tolist()
         if isolated is None:
-            _low_pass(self._forgotten, signals, self._forgets)
-        guard: Vector = kept[:2]
+            _lag(self._first_lag, self._signals, self._forgets, self._kept)
+            _lag(self._forgotten, self._first_lag, self._forgets, self._kept)
+        guard_speed, guard_valve = kept[0], kept[1]
+        correction = self._correction
         if isolated is None or also_isolated is not None:
-            self._correction *= 1.0 - self._fades
+            for i in range(4):
+                correction[i] *= self._fades
         else:
-            row = 2 + 2 * FAULTS.index(isolated)
-            _low_pass(self._correction, kept[row : row + 2] - guard, self._hands_over)
+            row, rate = 2 + 2 * FAULTS.index(isolated), self._hands_over
+            correction[0] += rate * (kept[row] - guard_speed - correction[0])
+            correction[1] += rate * (kept[row + 1] - guard_valve - correction[1])
+            correction[2] += rate * (correction[0] - correction[2])
+            correction[3] += rate * (correction[1] - correction[3])
         change = self._share_step if self.accommodate else -self._share_step
-        self._share = min(max(self._share + change, 0.0), 1.0)
-        q: Vector = self._share * (guard + self._correction[1]) if self._share > 0.0 else np.zeros(2)
-        return q
+        share = self._share = min(max(self._share + change, 0.0), 1.0)
+        if share == 0.0:
+            return np.zeros(2)
+        return np.array([share * (guard_speed + correction[2]), share * (guard_valve + correction[3])])
 
 
-def _low_pass(state: Vector, signal: Vector, rate: float) -> None:
-    """Two lags in a row, in place: `state[0]` follows `signal`, `state[1]` follows `state[0]`."""
-    state[0] += rate * (signal - state[0])
-    state[1] += rate * (state[0] - state[1])
+def _lag(state: Vector, signal: Vector, rate: float, room: Vector) -> None:
+    """One step of a first-order lag, in place; `room` is overwritten."""
+    np.subtract(signal, state, out=room)
+    np.multiply(room, rate, out=room)
+    np.add(state, room, out=state)

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from bringup.bench import loop_speed
 from bringup.errors import RunError
 from bringup.ros.graph import MODULES, GraphRun, run_graph
 from bringup.ros.processes import PARENT_VARIABLE, Domain, ros_environment
@@ -60,6 +61,8 @@ def bench(ticks: int = 1000, rounds: int = 3, realtime_s: float = 60.0, say: Say
     say
         Told what is being measured.
     """
+    say("the loop in one process")
+    loop_s, plant_s = loop_speed.loop_seconds()
     with tempfile.TemporaryDirectory(prefix="acftc-bench-") as folder:
         out = Path(folder)
         say("warm-up: designs and compiled code into their caches")
@@ -86,6 +89,13 @@ def bench(ticks: int = 1000, rounds: int = 3, realtime_s: float = 60.0, say: Say
     speed, yardstick = statistics.median(graph), statistics.median(bare)
     p50, p99, most = fast.latency_ms
     figures = [
+        Figure(
+            "1000 s of loop at 10 Hz, one process (beside: the plant alone)",
+            "s",
+            loop_s,
+            loop_speed.BAR_S,
+            reference=plant_s,
+        ),
         Figure("lockstep speed, recording", "ticks/s", speed, reference=yardstick),
         Figure("  as a share of the bare chain", "", speed / yardstick, 0.6, at_least=True),
         Figure("  as a multiple of real time at 10 Hz", "", speed * 0.1, 13.0, at_least=True),

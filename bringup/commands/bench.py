@@ -32,7 +32,7 @@ def bench(realtime_s: float, ticks: int, as_json: bool) -> None:
             beside = "" if figure.reference is None else f"{figure.reference:.4g}"
             verdict = {None: "", True: "ok", False: "missed"}[figure.passed]
             rows.append([figure.name, f"{figure.ours:.4g} {figure.unit}", beside, bar, verdict])
-        print_table(["", "ours", "bare chain", "bar", ""], rows)
+        print_table(["", "ours", "beside", "bar", ""], rows)
     missed = [figure.name.strip() for figure in figures if figure.passed is False]
     if missed:
         msg = f"missed: {', '.join(missed)}"

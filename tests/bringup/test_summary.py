@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -98,7 +97,7 @@ def test_false_alarms_are_counted(recording_of: Make):
     assert summarise(recording)["false_alarms"] == 1
     # A fault that is there, named as the other one.
     wrong = recording_of(faults=[ACTUATOR])
-    wrong.status[:] = [replace(row, isolated=row.isolated and "evaporator_pressure") for row in wrong.status]
+    wrong.status[:] = [row._replace(isolated=row.isolated and "evaporator_pressure") for row in wrong.status]
     summary = summarise(wrong)
     assert summary["false_alarms"] == 1
     assert summary["faults"][0]["isolated_as"] == "evaporator_pressure"

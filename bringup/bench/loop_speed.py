@@ -1,0 +1,58 @@
+"""How long 1000 s of the closed loop take in one process, beside the plant alone that gets the same inputs.
+
+``python -m bringup.bench.loop_speed`` prints both, and the share of the time that is not the plant's.
+"""
+
+import time
+
+import numpy as np
+
+from ac_plant_node import Plant
+from bringup.loop import designs_at, simulate
+from bringup.recording import Recording
+from bringup.scenario import load
+
+SCENARIO = "both_faults"
+NOISE = "noise={evaporator_pressure_kpa: 0.2, superheat_k: 0.1, wall_temperature_k: 0.05}"
+BAR_S = 0.5
+
+
+def loop_seconds(repeats: int = 5) -> tuple[float, float]:
+    """Seconds for 1000 s at 10 Hz with faults, noise, isolation and accommodation; and those of the plant alone.
+
+    Processor time of this process (one thread), the least of `repeats`, loop and plant in turn, after a warm-up.
+    """
+    scenario = load(SCENARIO, ["duration_s=1000", NOISE])
+    designs = designs_at(scenario.operating_point, scenario.sample_time_s)
+    run = simulate(scenario, designs=designs)
+    loop, plant = [], []
+    for _ in range(repeats):
+        started = time.process_time()
+        simulate(scenario, designs=designs)
+        loop.append(time.process_time() - started)
+        plant.append(plant_seconds(run, scenario.operating_point))
+    return min(loop), min(plant)
+
+
+def plant_seconds(run: Recording, point: str) -> float:
+    """Seconds that the plant takes for the inputs of a run."""
+    keys = ("actuator/command:compressor", "actuator/command:expansion_valve", "scenario/air:evaporator_air")
+    inputs = np.column_stack([run.series[key] for key in (*keys, "scenario/air_inlet_temperature")])
+    plant, sample_time_s = Plant.at(point), run.metadata["sample_time_s"]
+    started = time.process_time()
+    for held in inputs:
+        plant.step(held, sample_time_s)
+    return time.process_time() - started
+
+
+def main() -> None:
+    """Print the figures."""
+    loop, plant = loop_seconds()
+    print(f"1000 s of closed loop at 10 Hz: {loop:.3f} s (bar {BAR_S:g} s); the plant alone: {plant:.3f} s")
+    print(
+        f"everything that is not the plant: {1e2 * (loop - plant):.1f} us a tick, {1.0 - plant / loop:.0%} of the time"
+    )
+
+
+if __name__ == "__main__":
+    main()
