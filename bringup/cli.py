@@ -71,9 +71,9 @@ class CommandGroup(click.Group):
 
 @click.group(
     epilog=examples(
-        "acftc scenarios                                what can be run",
-        "acftc run actuator_fault --out results/e5      all nodes, a bag, a summary and a report",
-        "acftc simulate sensor_fault --out results/e6   the same loop in one process, without ROS",
+        "acftc scenarios # what can be run",
+        "acftc run actuator_fault --out results/e5 # all nodes, a bag, a summary and a report",
+        "acftc simulate sensor_fault --out results/e6 # the same loop in one process, without ROS",
     )
     + """
 

@@ -5,7 +5,8 @@ import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from itertools import count
+from typing import Any, Protocol
 
 import click
 
@@ -35,8 +36,15 @@ def say(line: str) -> None:
     click.echo(line, err=True)
 
 
+class Progress(Protocol):
+    """What moves a progress bar: how much is done of how much, and what is being done when that changes."""
+
+    def __call__(self, done: int, total: int, what: str | None = None, /) -> None:
+        """Move it."""
+
+
 @contextmanager
-def progress_bar(what: str) -> Iterator[Callable[[int, int], None] | None]:
+def progress_bar(what: str) -> Iterator[Progress | None]:
     """Give a progress function that draws a bar on stderr, or None when stderr is no terminal."""
     if not sys.stderr.isatty():
         yield None
@@ -47,7 +55,13 @@ def progress_bar(what: str) -> Iterator[Callable[[int, int], None] | None]:
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"))
     with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+        yield lambda done, total, name=None: bar.update(task, completed=done, total=total, description=name)
+
+
+def steps_of(progress: Progress, total: int) -> Callable[[str], None]:
+    """Give a function that is told the name of each of `total` steps as it begins, and moves the bar."""
+    numbers = count()
+    return lambda name: progress(next(numbers), total, name)
 
 
 def digits(value: float | None) -> str:

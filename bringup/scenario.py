@@ -395,6 +395,12 @@ def _find(name_or_path: str | Path) -> Path:
     raise BringupError(_unknown("scenario", text, list(known)) + ", or the path of a YAML file")
 
 
+_LIST_EXAMPLES = (
+    "for instance faults=[{kind: compressor_speed, size_rpm: 40, onset_s: 100}] "
+    "or references.superheat_k=[{at_s: 100, to: -2.5}]"
+)
+
+
 def _override(content: dict[str, Any], override: str) -> None:
     """Set one ``dotted.key=value`` in the raw content; the schema then judges it like any other value."""
     key, equals, text = override.partition("=")
@@ -411,7 +417,7 @@ def _override(content: dict[str, Any], override: str) -> None:
             target = target[_index(part, target, shown, where)]
         else:
             if target.get(part) is None:
-                target[part] = {}
+                target[part] = [] if key.split(".")[depth + 1].isdecimal() else {}
             target = target[part]
         if not isinstance(target, dict | list):
             msg = f"--set {shown}: {shortened(where)} is {_kind(target)} and has nothing below it"
@@ -425,7 +431,7 @@ def _override(content: dict[str, Any], override: str) -> None:
 def _index(part: str, items: list[Any], override: str, where: str) -> int:
     if part.isdecimal() and len(part) < 10 and int(part) < len(items):
         return int(part)
-    allowed = f"0 to {len(items) - 1}" if items else "none, the list is empty"
+    allowed = f"0 to {len(items) - 1}" if items else f"none, the list is empty; give a whole one, {_LIST_EXAMPLES}"
     msg = f"--set {override}: {shortened(where)} is not an item of the list; allowed: {allowed}"
     raise BringupError(msg)
 
@@ -459,7 +465,11 @@ def _line(problem: Any) -> str:
     if kind == "union_tag_invalid":
         return f"{prefix}{_unknown('kind', context['tag'], sorted(tags))}"
     if kind == "literal_error":
-        return f"{prefix}given {_short(given)}; allowed: {context['expected']}"
+        near = difflib.get_close_matches(str(given), re.findall(r"'(.*?)'", context["expected"]), n=1)
+        hint = f", did you mean {near[0]!r}?" if near else ";"
+        return f"{prefix}given {_short(given)}{hint} allowed: {context['expected']}"
+    if kind == "list_type":
+        return f"{prefix}given {_short(given)}; must be a list, {_LIST_EXAMPLES}"
     allowed = one_line(problem["msg"]).replace("Input should be", "must be")
     return f"{prefix}given {_short(given)}; {allowed}"
 

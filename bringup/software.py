@@ -4,7 +4,7 @@ import os
 import platform
 from importlib.metadata import PackageNotFoundError, version
 
-_PACKAGES = ("acftc", "numpy", "numba", "CoolProp", "ros-jazzy-rclpy", "ros-jazzy-rmw-fastrtps-cpp")
+_PACKAGES = ("acftc", "numpy", "numba", "CoolProp", "ros-jazzy-rclpy", "ros-fastrtps")
 
 
 def software() -> dict[str, str]:

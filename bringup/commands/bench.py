@@ -8,11 +8,29 @@ from bringup.errors import RunError
 
 
 @click.command(
-    epilog=examples("acftc bench", "acftc bench --realtime 10 --json"),
+    epilog=examples(
+        "acftc bench # two minutes on a machine that does nothing else",
+        "acftc bench --realtime 10 --json > bench.json",
+    ),
     short_help="Speed, start, latency, memory, measured.",
 )
-@click.option("--realtime", "realtime_s", default=60.0, show_default=True, help="Length of the run at 100 Hz, s.")
-@click.option("--ticks", default=1000, show_default=True, help="Ticks of each lockstep run.")
+@click.option(
+    "--realtime",
+    "realtime_s",
+    metavar="SECONDS",
+    type=click.FloatRange(1.0, 86400.0),
+    default=60.0,
+    show_default=True,
+    help="Length of the run at 100 Hz, s.",
+)
+@click.option(
+    "--ticks",
+    metavar="N",
+    type=click.IntRange(10, 10**6),
+    default=1000,
+    show_default=True,
+    help="Ticks of each lockstep run.",
+)
 @json_option
 def bench(realtime_s: float, ticks: int, as_json: bool) -> None:
     """Measure the graph beside a bare chain of processes that moves the same messages and computes nothing.

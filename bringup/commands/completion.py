@@ -8,9 +8,9 @@ from bringup.commands.options import OneOf, examples
 
 @click.command(
     epilog=examples(
-        'eval "$(acftc completion bash)"                                     now; or in ~/.bashrc',
-        'eval "$(acftc completion zsh)"                                      now; or in ~/.zshrc',
-        "acftc completion fish > ~/.config/fish/completions/acftc.fish       from the next shell on",
+        'eval "$(acftc completion bash)" # in this shell; for every one, the same line in ~/.bashrc',
+        'eval "$(acftc completion zsh)" # the same for zsh and ~/.zshrc',
+        "acftc completion fish > ~/.config/fish/completions/acftc.fish",
     ),
     short_help="Make the shell complete commands, options and scenarios.",
 )

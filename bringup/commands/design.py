@@ -7,7 +7,9 @@ from bringup.console import digits, print_json, print_table, without_nan
 
 
 @click.command(
-    epilog=examples("acftc design --point med", "acftc design --json | jq '.med[].achieved'"),
+    epilog=examples(
+        "acftc design # all three operating points", "acftc design --point med --json | jq '.med[] | {block, achieved}'"
+    ),
     short_help="Every synthesis: norms, bounds, orders.",
 )
 @click.option("--point", type=OneOf(["low", "med", "high"]), help="Only this operating point. Default: all.")

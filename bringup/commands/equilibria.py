@@ -7,7 +7,7 @@ from bringup.console import print_json, print_table
 
 
 @click.command(
-    epilog=examples("acftc equilibria", "acftc equilibria --json"),
+    epilog=examples("acftc equilibria", "acftc equilibria --json | jq .med.cop"),
     short_help="The three operating points beside the paper's Table I.",
 )
 @json_option

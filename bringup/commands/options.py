@@ -1,17 +1,23 @@
 """What several commands share: options, arguments that complete in the shell, the examples at the end of help."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 from click.shell_completion import CompletionItem
 
+from bringup.topics import COMPENSATOR, CONTROLLER, FDI, INJECTOR, PLANT, SCENARIO
+
 
 def examples(*lines: str) -> str:
-    """Give the end of a help text: examples, which click must not fill into a paragraph."""
-    return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in lines)
+    """Give the end of a help text: examples, one a line, each with a remark after `` # `` where it needs one."""
+    parts = [line.partition(" # ") for line in lines]
+    width = max(len(command.rstrip()) for command, _, remark in parts if remark) if any(p[2] for p in parts) else 0
+    shown = [f"{command.rstrip():{width}}  # {remark.strip()}" if remark else command for command, _, remark in parts]
+    # \\b: click must not fill them into a paragraph.
+    return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in shown)
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
@@ -42,6 +48,58 @@ class ScenarioType(click.Path):
         return names or super().shell_complete(ctx, param, incomplete)
 
 
+class SettingType(click.ParamType[str]):
+    """``KEY=VALUE`` of a scenario: the shell completes the keys of the one that stands on the line."""
+
+    name = "setting"
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:  # noqa: ARG002
+        """Complete a key."""
+        from bringup.errors import BringupError
+        from bringup.scenario import load
+
+        # With --set still waiting for its value, click leaves the scenario among the words that it could not place.
+        scenario = ctx.params.get("scenario") or next(iter(ctx.args), "nominal")
+        try:
+            content = load(scenario).model_dump(mode="json")
+        except BringupError:
+            return []
+        return [CompletionItem(f"{key}=") for key in _keys(content) if key.startswith(incomplete)]
+
+
+def _keys(content: Any, prefix: str = "") -> Iterator[str]:
+    """Dotted keys of everything in a scenario that holds a value."""
+    items = content.items() if isinstance(content, dict) else enumerate(content) if isinstance(content, list) else ()
+    for key, value in items:
+        if isinstance(value, dict | list) and value:
+            yield from _keys(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}"
+
+
+class NodeType(click.ParamType[str]):
+    """Name of a node; the shell completes it."""
+
+    name = "node"
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self.names = names
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Check a name."""
+        if value not in self.names:
+            hint = nearest(str(value), self.names)
+            self.fail(f"unknown node {value!r}{hint} allowed: {', '.join(self.names)}", param, ctx)
+        return str(value)
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:  # noqa: ARG002
+        """Complete a name."""
+        return [CompletionItem(name) for name in self.names if name.startswith(incomplete)]
+
+
+#: The nodes of the loop, in its order; the recorder stands beside it.
+LOOP_NODES = (PLANT, INJECTOR, FDI, COMPENSATOR, CONTROLLER, SCENARIO)
+
 scenario_argument = click.argument("scenario", metavar="SCENARIO", type=ScenarioType())
 bag_argument = click.argument("bag", metavar="BAG", type=click.Path(path_type=Path))
 passive_option = click.option("--passive", is_flag=True, help="K0 alone: the compensator stays silent.")
@@ -49,6 +107,7 @@ set_option = click.option(
     "--set",
     "overrides",
     metavar="KEY=VALUE",
+    type=SettingType(),
     multiple=True,
     help="Change one value of the scenario, for instance faults.0.size_rpm=60. May be given again.",
 )

@@ -4,16 +4,22 @@ from pathlib import Path
 
 import click
 
-from bringup.commands.options import bag_argument, examples, json_option
+from bringup.commands.options import LOOP_NODES, NodeType, bag_argument, examples, json_option
 from bringup.console import print_json, progress_bar, say
 from bringup.errors import RunError, one_line
 
 
 @click.command(
-    epilog=examples("acftc replay results/e5/bag --node fdi"), short_help="Feed a bag through one node again."
+    epilog=examples(
+        "acftc replay results/e5/bag --node fdi # after a change of the code: does the detector still say the same?",
+        "acftc replay results/e5/bag --node gimc_controller --json | jq .largest_relative_difference",
+    ),
+    short_help="Feed a bag through one node again.",
 )
 @bag_argument
-@click.option("--node", required=True, metavar="NAME", help="fdi, compensator, gimc_controller, ac_plant, ...")
+@click.option(
+    "--node", required=True, metavar="NAME", type=NodeType(LOOP_NODES), help=f"One of {', '.join(LOOP_NODES)}."
+)
 @json_option
 def replay(bag: Path, node: str, as_json: bool) -> None:
     """Feed a bag's inputs through the real node again, over DDS, and compare its answers with the recorded ones.

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @click.command(
     epilog=examples(
-        "acftc report results/e5",
+        "acftc report results/e5 # also when the run was cut short",
         "acftc report results/e5/bag --beside results/e5_passive/bag --out e5.html",
         "acftc report results/e5 --alone --json | jq .metrics",
     ),
@@ -49,6 +49,9 @@ def report(bag: Path, out: Path | None, beside: Path | None, alone: bool, as_jso
         msg = f"--out {target}: the report's name must end in .html; its pictures get the same name with .svg and .png"
         raise BringupError(msg)
     recording = read_bag(bag)
+    if len(recording.time_s) == 0:
+        msg = f"{bag}: holds no tick; the run was cut short before its first"
+        raise BringupError(msg)
     summary = summarise(recording)
     if beside:
         other: Recording | None = _other(recording, beside)

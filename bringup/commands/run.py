@@ -6,6 +6,8 @@ from typing import Literal
 import click
 
 from bringup.commands.options import (
+    LOOP_NODES,
+    NodeType,
     OneOf,
     examples,
     force_option,
@@ -22,9 +24,9 @@ from bringup.errors import BringupError, InterruptedRunError, RunError
 
 @click.command(
     epilog=examples(
-        "acftc run actuator_fault --out results/e5",
+        "acftc run actuator_fault --out results/e5 # results/e5/report.html tells what came of it",
         "acftc run sensor_fault --passive --set faults.0.size_kpa=3 --out results/weak",
-        "acftc run my_scenario.yaml --mode realtime",
+        "acftc run my_scenario.yaml --mode realtime # on the wall clock",
         "acftc run nominal --node ac_plant='python examples/own_plant.py'",
     ),
     short_help="Run a scenario with all nodes: bag, summary, report.",
@@ -48,7 +50,13 @@ from bringup.errors import BringupError, InterruptedRunError, RunError
     multiple=True,
     help="Start a node of your own in place of ours, for instance ac_plant='python my_plant.py'. May be given again.",
 )
-@click.option("--without", metavar="NAME", multiple=True, help="You start this node; the run waits for it.")
+@click.option(
+    "--without",
+    metavar="NAME",
+    type=NodeType(LOOP_NODES),
+    multiple=True,
+    help="You start this node; the run waits for it.",
+)
 @click.option(
     "--params-file",
     metavar="FILE",

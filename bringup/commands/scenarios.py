@@ -6,7 +6,7 @@ from bringup.commands.options import examples, json_option
 from bringup.console import print_json, print_table
 
 
-@click.command(epilog=examples("acftc scenarios"))
+@click.command(epilog=examples("acftc scenarios", "acftc scenarios --json | jq .actuator_fault"))
 @json_option
 def scenarios(as_json: bool) -> None:
     """List the built-in scenarios."""

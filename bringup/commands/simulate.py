@@ -20,7 +20,9 @@ from bringup.console import progress_bar
 @click.command(
     epilog=examples(
         "acftc simulate sensor_fault --out results/e6",
-        "acftc simulate actuator_fault --set operating_point=high --json",
+        "acftc simulate sensor_fault --passive # K0 alone, for comparison",
+        "acftc simulate actuator_fault --set operating_point=high --json | jq .metrics",
+        "acftc simulate actuator_fault --set 'noise={superheat_k: 0.1, seed: 3}'",
     ),
     short_help="Run a scenario in one process, without ROS.",
 )

@@ -9,7 +9,10 @@ from bringup.console import print_json
 
 
 @click.command(
-    epilog=examples("acftc topics", "acftc topics --json | jq '.[].name'"),
+    epilog=examples(
+        "acftc topics # in a second terminal, while acftc run goes on in the first",
+        "acftc topics --json | jq '.[].name'",
+    ),
     short_help="What flows between the nodes of a running graph.",
 )
 @json_option

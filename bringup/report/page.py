@@ -169,7 +169,7 @@ def _faults_table(summary: Mapping[str, Any]) -> str:
                 "–" if isolated is None else _FAULT_NAMES[isolated],
                 "–" if isolated is None else f"{_cell(fault['estimate'], '.2f')} {_unit(isolated)}",
                 _cell(fault["peak_pressure_error_kpa"], ".2f"),
-                _cell(fault["settled_s"], ".1f"),
+                "stayed" if fault["settled_s"] == fault["onset_s"] else _cell(fault["settled_s"], ".1f"),
             ]
         )
     heads = ["Fault", "Size", "Onset, s", "Detected, s", "Isolated, s", "Isolated as", "Estimate"]
@@ -295,8 +295,9 @@ def _parameters(recording: Recording) -> str:
     text = _table(["", ""], rows)
     if nodes:
         rows = [
-            [f"<code>{html.escape(node)}</code>", "<br>".join(html.escape(f"{key}: {own[key]}") for key in own)]
+            [f"<code>{html.escape(node)}</code>", ", ".join(html.escape(f"{key}: {own[key]}") for key in own)]
             for node, own in nodes.items()
+            if own
         ]
         text += "<h3>Given to the nodes</h3>" + _table(["Node", "Parameters; the others have their defaults"], rows)
     return text

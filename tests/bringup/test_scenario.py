@@ -216,3 +216,21 @@ def test_the_reference_page_is_that_of_the_schema():
     from bringup.scenario_reference import PAGE, text
 
     assert PAGE.read_text(encoding="utf-8") == text(), "run: python -m bringup.scenario_reference"
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("operating_point=hihg", ["operating_point", "did you mean 'high'", "'low', 'med' or 'high'"]),
+        ("superheat_sensor=derive", ["superheat_sensor", "did you mean 'derived'"]),
+        ("faults.0.size_rpm=60", ["faults.0", "the list is empty", "faults=[{kind: compressor_speed"]),
+        ("faults=3", ["faults", "given 3", "must be a list", "faults=[{kind: compressor_speed"]),
+        ("references.superheat_k=5", ["references.superheat_k", "references.superheat_k=[{at_s: 100"]),
+        ("noise.sed=3", ["noise", "'sed'", "did you mean 'seed'"]),
+    ],
+)
+def test_a_wrong_setting_says_what_is_allowed(override: str, words: list[str]):
+    with pytest.raises(BringupError) as refused:
+        load("nominal", [override])
+    for word in words:
+        assert word in str(refused.value)
