@@ -153,7 +153,7 @@ def test_the_story_of_a_fault_that_was_missed_or_taken_for_another(recording_of:
     assert told[f"{named}; its size was estimated as 5.0 kPa."] == GOOD
     missed = kinds(summarise(replace(run, status=[])))
     assert missed["It was not detected."] == BAD
-    wrong = [replace(row, isolated=row.isolated and "compressor_speed") for row in run.status]
+    wrong = [row._replace(isolated=row.isolated and "compressor_speed") for row in run.status]
     told = kinds(summarise(replace(run, status=wrong)))
     assert any(text.startswith("Detected 3.0 s later, but isolated wrongly") and told[text] == BAD for text in told)
     assert told["1 false alarm: no such fault was there."] == BAD
