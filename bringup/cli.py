@@ -28,7 +28,7 @@ OWN_PACKAGES = ("ac_plant_node", "bringup", "fault_injector_node", "fdi_node", "
 SECTIONS: dict[str, tuple[str, ...]] = {
     "Run": ("run", "simulate", "scenarios"),
     "Recordings": ("report", "replay"),
-    "A running graph": ("topics",),
+    "A running graph": ("dash", "topics"),
     "Plant and designs": ("equilibria", "calibrate", "design", "reproduce"),
     "This machine": ("bench", "completion"),
 }

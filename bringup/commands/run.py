@@ -5,6 +5,7 @@ from typing import Literal
 
 import click
 
+from bringup.commands.dash import dash_option, page
 from bringup.commands.options import (
     LOOP_NODES,
     NodeType,
@@ -28,6 +29,7 @@ from bringup.errors import BringupError, InterruptedRunError, RunError
         "acftc run sensor_fault --passive --set faults.0.size_kpa=3 --out results/weak",
         "acftc run my_scenario.yaml --mode realtime # on the wall clock",
         "acftc run nominal --node ac_plant='python examples/own_plant.py'",
+        "acftc run actuator_fault --mode realtime --dash",
     ),
     short_help="Run a scenario with all nodes: bag, summary, report.",
 )
@@ -63,6 +65,7 @@ from bringup.errors import BringupError, InterruptedRunError, RunError
     type=click.Path(path_type=Path),
     help="A ROS 2 parameter file that has the last word, with keys such as /ac/fdi.",
 )
+@dash_option
 @json_option
 def run(
     scenario: str,
@@ -74,6 +77,7 @@ def run(
     nodes: tuple[str, ...],
     without: tuple[str, ...],
     params_file: Path | None,
+    with_page: bool,
     as_json: bool,
 ) -> None:
     """Run SCENARIO with every node as a process of its own, record it, and write summary and report.
@@ -90,9 +94,9 @@ def run(
     from bringup.bags.reader import read_bag
     from bringup.ros.graph import run_graph
 
-    with progress_bar(f"{chosen.name} ({mode})") as progress:
+    with page(with_page) as beside, progress_bar(f"{chosen.name} ({mode})") as progress:
         try:
-            run_graph(chosen, folder, mode=mode, progress=progress, own=own, say=say)
+            run_graph(chosen, folder, mode=mode, progress=progress, own=own, say=say, beside=beside)
         except BringupError as problem:
             # The input has been checked by now: what fails here is the run.
             kind = InterruptedRunError if isinstance(problem.__context__, KeyboardInterrupt) else RunError

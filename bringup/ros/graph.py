@@ -73,6 +73,7 @@ def run_graph(
     progress: Progress | None = None,
     own: OwnNodes | None = None,
     say: Callable[[str], None] = print,
+    beside: Callable[[int], None] | None = None,
 ) -> GraphRun:
     """Run `scenario` with every node as a process of its own; the bag is ``out_dir/bag``.
 
@@ -92,6 +93,8 @@ def run_graph(
         Nodes and parameters of your own.
     say
         Told what the user has to do: which node to start by hand, and how.
+    beside
+        Called with the run's ROS domain before its nodes start, to start whatever is to look at them.
 
     Raises
     ------
@@ -108,6 +111,8 @@ def run_graph(
     try:
         environment = {**ros_environment(), "ROS_DOMAIN_ID": str(domain.number)}
         parameters = node_parameters(scenario, out_dir, mode, passive)
+        if beside is not None:
+            beside(domain.number)
         with _interruptible(out_dir):
             children: dict[str, Child] = {}
             try:

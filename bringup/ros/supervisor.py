@@ -129,6 +129,13 @@ class Supervisor:
         """Life-cycle state of a node as it last reported it; empty as long as it has not."""
         return self._of(name, "state")
 
+    def meet(self, names: Iterable[str]) -> None:
+        """Wait until all these nodes, which run already, have reported their state."""
+        self._until(
+            lambda: all(self._of(name, "state") for name in names),
+            lambda: f"{', '.join(name for name in names if not self._of(name, 'state'))} not heard of",
+        )
+
     def set_parameters(self, name: str, values: Mapping[str, Any]) -> None:
         """Set parameters of a node, all of them or none."""
         client = self.node.create_client(SetParametersAtomically, f"{NAMESPACE}/{name}/set_parameters_atomically")

@@ -1,0 +1,83 @@
+"""`acftc dash`: a live page beside a running graph."""
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+
+import click
+
+from bringup.commands.options import OneOf, examples
+from bringup.console import say
+from bringup.errors import RunError
+
+
+@click.command(
+    epilog=examples(
+        "acftc dash                          a graph of its own, unless one is running",
+        "ROS_DOMAIN_ID=7 acftc dash          beside the graph in that ROS domain",
+        "acftc dash --host 0.0.0.0           for other machines, too: the address then holds a token",
+    ),
+    short_help="A live page to watch a running graph, and to break things on it.",
+)
+@click.option(
+    "--host", default="127.0.0.1", show_default=True, help="Address to bind to; beyond this machine: a token."
+)
+@click.option("--port", type=click.IntRange(0, 65535), default=0, help="Default: 5006, or any free one.")
+@click.option(
+    "--point",
+    type=OneOf(["low", "med", "high"]),
+    default="med",
+    show_default=True,
+    help="Operating point of a graph of its own.",
+)
+@click.option("--no-browser", is_flag=True, help="Print the address, and open no browser.")
+def dash(host: str, port: int, point: str, no_browser: bool) -> None:
+    """Serve a page with the running loop's plots, lamps and controls; Ctrl-C ends it.
+
+    Looks into the ROS domain of ROS_DOMAIN_ID, 0 when it is not set. Where no graph is running it starts one, at rest
+    on the wall clock and not recorded, and ends it with the page.
+    """
+    from bringup.dash.own_graph import find_or_start
+    from bringup.dash.server import listen, open_browser, serve
+
+    address = listen(host, port)
+    with ExitStack() as stack:
+        domain, own = find_or_start(point)
+        if own is not None:
+            stack.enter_context(own)
+        from bringup.dash.link import Link
+
+        link = Link(domain)
+        stack.callback(link.close)
+        what = "a graph of its own" if own is not None else "the running graph"
+        say(f"{address.url} shows {what} in ROS domain {domain}; Ctrl-C ends it")
+        if not no_browser:
+            open_browser(address.url)
+        serve(address, link, (lambda: own.problem) if own is not None else (lambda: ""))
+        if own is not None and own.problem:
+            raise RunError(own.problem)
+
+
+dash_option = click.option(
+    "--dash", "with_page", is_flag=True, help="Open the live page beside the run; see acftc dash --help."
+)
+
+
+@contextmanager
+def page(wanted: bool) -> Iterator[Callable[[int], None] | None]:
+    """Serve a page beside a run; gives what starts it once the run's ROS domain is known, None where none is wanted."""
+    if not wanted:
+        yield None
+        return
+    from bringup.dash.server import listen, open_browser, start_beside
+
+    address = listen()
+    say(f"{address.url} shows the run")
+    with ExitStack() as stack:
+
+        def start(domain: int) -> None:
+            process = start_beside(address, domain)
+            stack.callback(process.wait)
+            stack.callback(process.terminate)
+
+        open_browser(address.url)
+        yield start

@@ -1,0 +1,26 @@
+"""The page's own process beside `acftc run --dash`: ``python -m bringup.dash PORT DOMAIN SOCKET...``."""
+
+import os
+import socket
+import sys
+
+from bringup.dash.server import TOKEN_VARIABLE, Address, Door, serve
+from bringup.ros.processes import end_with_parent
+
+
+def main() -> None:
+    """Serve on the sockets that the parent has opened, until it ends."""
+    end_with_parent()
+    port, domain, *numbers = map(int, sys.argv[1:])
+    sockets = [socket.socket(fileno=number) for number in numbers]
+    from bringup.dash.link import Link
+
+    link = Link(domain)
+    try:
+        serve(Address(sockets, Door(port, os.environ.get(TOKEN_VARIABLE, "")), ""), link)
+    finally:
+        link.close()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,265 @@
+"""The page's controls: every widget knows its unit and its limits, which are those of the nodes' parameters."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from bokeh.models import InlineStyleSheet
+from bokeh.models.widgets import Button, RadioButtonGroup, Select, Spinner
+
+from bringup.dash.link import Link, View
+from bringup.profiles import PROFILE_KEYS, PROFILES
+from bringup.scenario_node import OFFSETS
+from bringup.topics import COMPENSATOR, FAULTS, SCENARIO
+from bringup.units import KPA, RPM
+from fault_injector_node.node import PARAMETERS as INJECTOR_PARAMETERS
+
+POINTS = ("low", "med", "high")
+
+STYLE = InlineStyleSheet(
+    css="""
+:host { font-family: system-ui, sans-serif; font-size: 14px; color: #1a1a1a; margin: 0; }
+label { font-size: 13px; color: #1a1a1a; }
+input, select { min-height: 30px; font-size: 14px; color: #1a1a1a; border-color: #767676; }
+.bk-btn { font-size: 14px; min-height: 32px; }
+.bk-btn-default { color: #1a1a1a; border-color: #767676; background: #fff; }
+.bk-btn-primary, .bk-btn-group .bk-btn.bk-active { background: #0072B2; border-color: #0072B2; color: #fff; }
+.bk-btn-warning { background: #D55E00; border-color: #8a3d00; color: #000; font-weight: 600; }
+.bk-btn:focus-visible, input:focus-visible, select:focus-visible { outline: 3px solid #56B4E9; outline-offset: 1px; }
+.bk-btn[disabled] { opacity: 0.55; cursor: not-allowed; }
+"""
+)
+"""Look of all widgets: they live in shadow roots, where the page's own style does not reach."""
+
+
+@dataclass(frozen=True)
+class FaultKind:
+    """A fault as the page offers it: symbol, what it is, unit, SI of one unit, a size to begin with."""
+
+    fault: str
+    symbol: str
+    what: str
+    parameter: str
+    unit: str
+    si: float
+    size: float
+
+
+FAULT_KINDS = (
+    FaultKind(FAULTS[0], "f_N", "compressor speed", "size_rad_s", "rpm", RPM, 40.0),
+    FaultKind(FAULTS[1], "f_p", "pressure reading", "size_pa", "kPa", KPA, 5.0),
+)
+#: Live changes as the page offers them, in the order of `OFFSETS`: name, unit, SI of one unit, step.
+CHANGES = (
+    ("change_p_e", "p_e reference, kPa", KPA, 1.0),
+    ("change_superheat", "SH reference, K", 1.0, 0.5),
+    ("change_air_flow", "air mass flow, %", 1.0, 5.0),
+    ("change_air_inlet", "air inlet, K", 1.0, 1.0),
+)
+
+_LIMITS = {parameter.name: parameter for parameter in (*INJECTOR_PARAMETERS, *OFFSETS)}
+
+
+def _spinner(name: str, title: str, value: float, low: float, high: float, step: float) -> Spinner:
+    return Spinner(
+        name=name, title=title, value=value, low=low, high=high, step=step, format="0[.]0[00]",
+        sizing_mode="stretch_width", margin=0, stylesheets=[STYLE],
+    )  # fmt: skip
+
+
+def _button(name: str, label: str, act: Callable[[], None], kind: Literal["default", "primary"] = "default") -> Button:
+    button = Button(
+        name=name, label=label, button_type=kind, sizing_mode="stretch_width", margin=0, stylesheets=[STYLE]
+    )
+    button.on_click(act)
+    return button
+
+
+class FaultControl:
+    """Size, shape, and the button that starts and stops one fault."""
+
+    def __init__(self, kind: FaultKind, link: Link) -> None:
+        self._kind, self._link = kind, link
+        self._active = False
+        limits = _LIMITS[f"{kind.fault}.{kind.parameter}"]
+        assert limits.low is not None
+        assert limits.high is not None
+        self._size = _spinner(
+            f"size_{kind.symbol}", f"size, {kind.unit}", kind.size, _round(limits.low / kind.si),
+            _round(limits.high / kind.si), 1.0,
+        )  # fmt: skip
+        shapes: list[Any] = list(PROFILES)
+        self._profile = Select(
+            name=f"profile_{kind.symbol}", title="shape", value=PROFILES[0], options=shapes,
+            sizing_mode="stretch_width", margin=0, stylesheets=[STYLE],
+        )  # fmt: skip
+        self._time = _spinner(f"time_{kind.symbol}", "time, s", 60.0, 0.1, 86400.0, 10.0)
+        self._time.visible = False
+        self._profile.on_change("value", lambda _attr, _old, _new: self._show_time())
+        self._button = _button(f"inject_{kind.symbol}", f"Inject {kind.symbol}", self._clicked, "primary")
+        self.widgets: list[Any] = [self._size, self._profile, self._time, self._button]
+        for widget in (self._size, self._profile, self._time):
+            widget.on_change("value", lambda _attr, _old, _new: self._follow())
+
+    def show(self, view: View) -> None:
+        """Look as the graph is."""
+        self._active = self._kind.fault in view.live_faults
+        symbol = self._kind.symbol
+        _set(self._button, label=f"Stop {symbol}" if self._active else f"Inject {symbol}")
+        _set(self._button, button_type="warning" if self._active else "primary")
+        _set(self._button, disabled=view.phase not in ("running", "paused"))
+
+    def _show_time(self) -> None:
+        keys = [key for key in PROFILE_KEYS[self._profile.value] if key.endswith("_s")]
+        titles = {"rise_s": "rise time, s", "period_s": "period, s", "time_constant_s": "time constant, s"}
+        self._time.visible = bool(keys)
+        if keys:
+            self._time.title = titles[keys[0]]
+
+    def _clicked(self) -> None:
+        if self._active:
+            self._link.stop_fault(self._kind.fault)
+        else:
+            self._inject()
+
+    def _follow(self) -> None:
+        """Let a fault that is there follow what has been typed."""
+        if self._active:
+            self._inject()
+
+    def _inject(self) -> None:
+        problem = _complaint(self._size) or _complaint(self._time)
+        if problem or self._size.value is None or self._time.value is None:
+            self._link.say(f"{self._kind.symbol} {problem}", failed=True)
+            return
+        values: dict[str, Any] = {
+            "profile": self._profile.value,
+            self._kind.parameter: float(self._size.value) * self._kind.si,
+        }
+        for key in PROFILE_KEYS[self._profile.value]:
+            if key.endswith("_s"):
+                values[key] = float(self._time.value)
+        self._link.inject(self._kind.fault, values)
+
+
+class ChangeControl:
+    """Steps and ramps of references and air."""
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+        self._known: list[Any] = []
+        self._spinners = [
+            _spinner(name, title, 0.0, _round((limits.low or 0.0) / si), _round((limits.high or 0.0) / si), step)
+            for (name, title, si, step), limits in zip(CHANGES, OFFSETS, strict=True)
+        ]
+        self._ramp = _spinner("change_ramp", "within, s (0: a step)", 0.0, 0.0, 86400.0, 10.0)
+        self._apply = _button("apply_changes", "Apply", self._clicked, "primary")
+        self._back = _button("undo_changes", "Back to zero", self._undo)
+        self.widgets: list[Any] = [*self._spinners, self._ramp, self._apply, self._back]
+
+    def show(self, view: View) -> None:
+        """Look as the graph is; a change that somebody else has made, or a reset, is shown, too."""
+        set_now = view.parameters.get(SCENARIO, {})
+        known = [set_now.get(limits.name) for limits in OFFSETS]
+        if known != self._known:
+            self._known = known
+            for spinner, value, (_, _, si, _) in zip(self._spinners, known, CHANGES, strict=True):
+                if value is not None:
+                    _set(spinner, value=round(value / si, 6))
+        for button in (self._apply, self._back):
+            _set(button, disabled=view.phase not in ("running", "paused"))
+
+    def _clicked(self) -> None:
+        widgets = (*self._spinners, self._ramp)
+        problems = [problem for widget in widgets if (problem := _complaint(widget))]
+        if problems:
+            self._link.say(problems[0], failed=True)
+            return
+        given = [float(widget.value) for widget in widgets if widget.value is not None]
+        wanted = dict(zip((limits.name for limits in OFFSETS), given, strict=False))
+        now = dict(zip(wanted, self._known, strict=False))
+        units = {limits.name: si for limits, (_, _, si, _) in zip(OFFSETS, CHANGES, strict=True)}
+        # Only what is new: a ramp that is under way must not begin again.
+        values = {name: value * units[name] for name, value in wanted.items() if now.get(name) != value * units[name]}
+        said = [
+            title.replace(", ", f" {value:+g} ")
+            for (_, title, _, _), value in zip(CHANGES, given, strict=False)
+            if value
+        ]
+        self._link.change(
+            SCENARIO, {"ramp_s": given[-1], **values}, "; ".join(said) or "references and air as the scenario says"
+        )
+
+    def _undo(self) -> None:
+        for spinner in self._spinners:
+            spinner.value = 0.0
+        self._clicked()
+
+
+class RunControl:
+    """Accommodation, operating point, pause, reset."""
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+        self._view: View | None = None
+        self._accommodation = _button("accommodation", "Switch accommodation off", self._switch)
+        self._point = RadioButtonGroup(
+            name="point", labels=list(POINTS), active=1, sizing_mode="stretch_width", margin=0, stylesheets=[STYLE]
+        )
+        self._point.on_change("active", lambda _attr, _old, new: self._move(new))
+        self._pause = _button("pause", "Pause", self._toggle_pause)
+        self._reset = _button("reset", "Reset", self._start_anew)
+        self.widgets: list[Any] = [self._accommodation, self._point, self._pause, self._reset]
+
+    def show(self, view: View) -> None:
+        """Look as the graph is."""
+        self._view = view
+        _set(self._accommodation, label=f"Switch accommodation {'off' if view.accommodate else 'on'}")
+        _set(self._accommodation, disabled=view.phase not in ("running", "paused"))
+        _set(self._pause, label="Resume" if view.phase == "paused" else "Pause")
+        _set(self._pause, disabled=view.phase not in ("running", "paused"))
+        for widget in (self._reset, self._point):
+            _set(widget, disabled=not view.may_reconfigure)
+        if view.point in POINTS and view.phase != "setting up":
+            _set(self._point, active=POINTS.index(view.point))
+
+    def _switch(self) -> None:
+        if self._view is not None:
+            on = not self._view.accommodate
+            self._link.change(COMPENSATOR, {"accommodate": on}, f"accommodation switched {'on' if on else 'off'}")
+
+    def _toggle_pause(self) -> None:
+        if self._view is not None and self._view.phase == "paused":
+            self._link.resume()
+        else:
+            self._link.pause()
+
+    def _move(self, number: int | None) -> None:
+        if self._view is not None and number is not None and POINTS[number] != self._view.point:
+            self._link.start_anew(POINTS[number])
+
+    def _start_anew(self) -> None:
+        if self._view is not None:
+            self._link.start_anew(self._view.point)
+
+
+def _complaint(spinner: Spinner) -> str:
+    """What is wrong with a number, empty when nothing is: the browser lets through what is out of range."""
+    low, value, high = spinner.low, spinner.value, spinner.high
+    assert low is not None
+    assert high is not None
+    if value is None or not low <= value <= high:
+        return f"{spinner.title}: given {'nothing' if value is None else f'{value:g}'}; allowed: {low:g} to {high:g}"
+    return ""
+
+
+def _set(widget: Any, **values: Any) -> None:
+    """Set what is not so already: what is set is sent to the browser."""
+    for name, value in values.items():
+        if getattr(widget, name) != value:
+            setattr(widget, name, value)
+
+
+def _round(value: float) -> float:
+    """Limit in the people's unit, towards zero: what may be typed must be allowed."""
+    return float(int(value))

@@ -1,0 +1,386 @@
+"""The page's own ROS node: listens to the loop, and asks its nodes for what the page's controls want.
+
+It runs in a thread of its own and never holds a publisher up: its subscriptions are best-effort. It may read the truth
+(`fault/...`), since it only shows it.
+"""
+
+import queue
+import struct
+import threading
+import time
+from collections.abc import Callable, Coroutine, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.msg import ParameterEvent
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+from std_srvs.srv import SetBool
+
+from bringup.dash.reconfigure import reconfigure
+from bringup.dash.rows import TOPIC_NAMES, Rows, threshold_values
+from bringup.errors import BringupError, one_line
+from bringup.recording import StatusRow
+from bringup.ros.cdr import read_diagnostics, stamp_ns, status_row, value_offsets
+from bringup.ros.inputs import Gate, Subscriptions
+from bringup.ros.messages import message_class
+from bringup.ros.node_shell import PLAIN_QOS
+from bringup.scenario_node import OFFSETS
+from bringup.topics import BY_NAME, COMPENSATOR, DIAGNOSTICS, FAULTS, INJECTOR, NAMESPACE, PLANT, RECORDER, SCENARIO
+from fault_injector_node.node import PARAMETERS as INJECTOR_PARAMETERS
+
+#: Never holds a publisher up; deep enough for the bursts of a lockstep run.
+QOS = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
+#: How long the loop's messages are waited for before everything else gets its turn, s.
+WAIT_S = 0.02
+#: A node that has not reported its health for so long is gone, s.
+GONE_S = 3.5
+#: How long a node may take to answer a control, s.
+ANSWER_S = 5.0
+#: Name of the page's node, under the loop's namespace.
+NODE = "dash"
+
+#: Parameters that the page shows, or needs to know what it may offer.
+WATCHED = {
+    PLANT: ("operating_point", "mode", "sample_time_s"),
+    COMPENSATOR: ("accommodate",),
+    SCENARIO: ("scenario", "ramp_s", *(parameter.name for parameter in OFFSETS)),
+    INJECTOR: tuple(parameter.name for parameter in INJECTOR_PARAMETERS if parameter.live),
+}
+
+
+@dataclass(frozen=True)
+class View:
+    """What is going on in the graph, as the page shows it.
+
+    Attributes
+    ----------
+    phase : str
+        ``absent``, ``setting up``, ``running``, ``paused`` or ``over``.
+    message : str
+        What has come of the last control, or what is wrong.
+    failed : bool
+        Whether `message` tells of a failure.
+    """
+
+    phase: str
+    message: str
+    failed: bool
+    point: str
+    mode: str
+    recorded: bool
+    accommodate: bool
+    live_faults: frozenset[str]
+    status: StatusRow | None
+    plant: Mapping[str, str]
+    parameters: Mapping[str, Mapping[str, Any]]
+
+    @property
+    def may_reconfigure(self) -> bool:
+        """Whether operating point and reset are offered: not while somebody records the run at the present one."""
+        return self.phase in ("running", "paused", "over") and not self.recorded
+
+
+@dataclass
+class _Heard:
+    """What is known of the graph; written by the node's thread."""
+
+    health: dict[str, dict[str, str]] = field(default_factory=dict)
+    heard_s: dict[str, float] = field(default_factory=dict)
+    parameters: dict[str, dict[str, Any]] = field(default_factory=dict)
+    asked: set[str] = field(default_factory=set)
+    status: StatusRow | None = None
+    live_faults: frozenset[str] = frozenset()
+    message: str = ""
+    failed: bool = False
+
+
+class Link:
+    """The page's node and its thread.
+
+    Parameters
+    ----------
+    domain : int
+        ROS domain of the graph.
+
+    Attributes
+    ----------
+    rows : Rows
+        What the loop has published, for the plots.
+    """
+
+    def __init__(self, domain: int) -> None:
+        self.domain = domain
+        self.rows = Rows()
+        self._heard = _Heard()
+        self._jobs: queue.SimpleQueue[Coroutine[Any, Any, None]] = queue.SimpleQueue()
+        self._turns: list[Any] = []  # what waits for the thread's next turn
+        self._ends = threading.Event()
+        self._reconfiguring: threading.Thread | None = None
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO, args=[], domain_id=domain)
+        self._node = rclpy.create_node(
+            NODE, namespace=NAMESPACE, context=self._context, start_parameter_services=False, enable_rosout=False
+        )
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._loop = Subscriptions(self._context, True, self._take)
+        self._readers: list[Callable[[bytes], None]] = []
+        for name in TOPIC_NAMES:
+            topic = BY_NAME[name]
+            kind, group = message_class(topic.type), Gate(is_open=False)
+            full = f"{NAMESPACE}/{name}"
+            self._loop.add(self._node.create_subscription(kind, full, _nothing, QOS, callback_group=group, raw=True))
+            self._readers.append(self._read_status if topic.type == DIAGNOSTICS else self._reader(name))
+        self._node.create_subscription(DiagnosticArray, "/diagnostics", self._hear_health, PLAIN_QOS)
+        self._node.create_subscription(ParameterEvent, "/parameter_events", self._hear_parameters, PLAIN_QOS)
+        self._clients: dict[str, Any] = {}
+        self._thread = threading.Thread(target=self._run, name="link", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread and the node."""
+        self._ends.set()
+        self._thread.join()
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+    # -- what there is to see -----------------------------------------------------------------------------------
+
+    def view(self) -> View:
+        """What is going on now."""
+        heard = self._heard
+        plant = heard.health.get(PLANT, {}) if self._is_there(PLANT) else {}
+        parameters = {name: dict(values) for name, values in heard.parameters.items()}
+        return View(
+            phase=self._phase(plant),
+            message=heard.message,
+            failed=heard.failed,
+            point=str(parameters.get(PLANT, {}).get("operating_point", "")),
+            mode=str(parameters.get(PLANT, {}).get("mode", "")),
+            recorded=self._is_there(RECORDER),
+            accommodate=bool(parameters.get(COMPENSATOR, {}).get("accommodate", False)),
+            live_faults=heard.live_faults,
+            status=heard.status,
+            plant=plant,
+            parameters=parameters,
+        )
+
+    def say(self, message: str, failed: bool = False) -> None:
+        """Let the page show a line."""
+        self._heard.message, self._heard.failed = message, failed
+
+    def _is_there(self, name: str) -> bool:
+        return time.monotonic() - self._heard.heard_s.get(name, -GONE_S) < GONE_S
+
+    def _phase(self, plant: Mapping[str, str]) -> str:
+        if self._reconfiguring is not None and self._reconfiguring.is_alive():
+            return "setting up"
+        if not plant:
+            return "absent"
+        if plant.get("finished") == "true":
+            return "over"
+        if plant.get("state") == "active":
+            return "running"
+        return "paused" if plant.get("state") == "inactive" and plant.get("tick", "0") != "0" else "setting up"
+
+    # -- controls -----------------------------------------------------------------------------------------------
+
+    def inject(self, fault: str, values: Mapping[str, Any]) -> None:
+        """Start a live fault, or let the running one follow; `values` are parameters of it, without its name."""
+        self._jobs.put(self._inject(fault, values))
+
+    def stop_fault(self, fault: str) -> None:
+        """End a live fault."""
+        self._jobs.put(self._switch(fault, on=False))
+
+    def change(self, node: str, values: Mapping[str, Any], done: str) -> None:
+        """Set live parameters of a node; `done` is what to say then."""
+        self._jobs.put(self._change(node, values, done))
+
+    def pause(self) -> None:
+        """Stop the plant, which beats time for all."""
+        self._jobs.put(self._transition(Transition.TRANSITION_DEACTIVATE, "paused"))
+
+    def resume(self) -> None:
+        """Let the plant go on."""
+        self._jobs.put(self._transition(Transition.TRANSITION_ACTIVATE, "goes on"))
+
+    def start_anew(self, point: str) -> None:
+        """Begin again, at rest at `point`, without live faults and changes; takes some seconds, in a thread."""
+        view = self.view()
+        if not view.may_reconfigure:
+            why = "the run is being recorded" if view.recorded else f"the graph is {view.phase}"
+            self.say(f"cannot start anew: {why}", failed=True)
+            return
+        names = [name for name in self._heard.health if self._is_there(name)]
+        self._reconfiguring = threading.Thread(
+            target=self._start_anew, args=(names, point, view.parameters), name="reconfigure", daemon=True
+        )
+        self._reconfiguring.start()
+
+    def _start_anew(self, names: Iterable[str], point: str, parameters: Mapping[str, Mapping[str, Any]]) -> None:
+        self.say(f"setting up the operating point {point} ...")
+        try:
+            scenario = str(parameters.get(SCENARIO, {}).get("scenario", "nominal"))
+            reconfigure(names, self.domain, point, scenario)
+        except BringupError as problem:
+            self.say(one_line(problem), failed=True)
+        else:
+            self._heard.live_faults = frozenset()
+            self.say(f"started anew at the operating point {point}")
+
+    async def _inject(self, fault: str, values: Mapping[str, Any]) -> None:
+        if await self._set(INJECTOR, {f"{fault}.{key}": value for key, value in values.items()}):
+            if fault in self._heard.live_faults:
+                self.say(f"{fault}: the running fault follows")
+            else:
+                await self._switch(fault, on=True)
+
+    async def _switch(self, fault: str, on: bool) -> None:
+        reply = await self._ask(SetBool, f"{INJECTOR}/{fault}", SetBool.Request(data=on))
+        if reply is None:
+            return
+        if reply.success:
+            faults = self._heard.live_faults
+            self._heard.live_faults = faults | {fault} if on else faults - {fault}
+        self.say(reply.message, failed=not reply.success)
+
+    async def _change(self, node: str, values: Mapping[str, Any], done: str) -> None:
+        if await self._set(node, values):
+            self.say(done)
+
+    async def _set(self, node: str, values: Mapping[str, Any]) -> bool:
+        parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+        request = SetParametersAtomically.Request(parameters=parameters)
+        reply = await self._ask(SetParametersAtomically, f"{node}/set_parameters_atomically", request)
+        if reply is None:
+            return False
+        if reply.result.successful:
+            self._heard.parameters.setdefault(node, {}).update(values)
+        else:
+            self.say(one_line(reply.result.reason), failed=True)
+        return bool(reply.result.successful)
+
+    async def _transition(self, transition: int, what: str) -> None:
+        request = ChangeState.Request(transition=Transition(id=transition))
+        reply = await self._ask(ChangeState, f"{PLANT}/change_state", request)
+        if reply is not None:
+            self.say(what if reply.success else "the plant refuses", failed=not reply.success)
+
+    async def _get(self, node: str) -> None:
+        names = WATCHED[node]
+        reply = await self._ask(GetParameters, f"{node}/get_parameters", GetParameters.Request(names=names))
+        if reply is None:
+            self._heard.asked.discard(node)
+            return
+        values = map(parameter_value_to_python, reply.values)
+        self._heard.parameters[node] = {
+            name: value for name, value in zip(names, values, strict=False) if value is not None
+        }
+
+    async def _ask(self, kind: Any, service: str, request: Any) -> Any:
+        """Answer of a service; None, with a line on the page, when there is none in time."""
+        client = self._clients.get(service)
+        if client is None:
+            client = self._clients[service] = self._node.create_client(kind, f"{NAMESPACE}/{service}")
+        deadline = time.monotonic() + ANSWER_S
+        while not client.service_is_ready() and time.monotonic() < deadline:
+            await self._moment()
+        if client.service_is_ready():
+            future = client.call_async(request)
+            while not future.done() and time.monotonic() < deadline:
+                await self._moment()
+            if future.done():
+                return future.result()
+            client.remove_pending_request(future)
+        self.say(f"{service.partition('/')[0]} does not answer", failed=True)
+        return None
+
+    async def _moment(self) -> None:
+        """Come back in the next turn of the thread."""
+        turn = Future(executor=self._executor)
+        self._turns.append(turn)
+        await turn
+
+    # -- the thread ---------------------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        while not self._ends.is_set():
+            self._loop.wait(WAIT_S)
+            while not self._jobs.empty():
+                self._executor.create_task(self._jobs.get())
+            turns, self._turns = self._turns, []
+            for turn in turns:
+                turn.set_result(None)
+            self._executor.spin_once(timeout_sec=0.0)
+
+    def _take(self, messages: list[Any]) -> bool:
+        for number, data, *_ in messages:
+            self._readers[number](data)
+        return False
+
+    def _reader(self, name: str) -> Callable[[bytes], None]:
+        """Make the function that adds a message of one topic to the rows."""
+        topic = BY_NAME[name]
+        offsets: list[int] = []
+        length = 0
+
+        def read(data: bytes) -> None:
+            nonlocal offsets, length
+            if len(data) != length:  # the first one, or one from somebody else
+                try:
+                    offsets, length = value_offsets(topic, data), len(data)
+                except (ValueError, IndexError):
+                    return
+            values = [struct.unpack_from("<d", data, offset)[0] for offset in offsets]
+            self.rows.add(stamp_ns(data), dict(zip(topic.series, values, strict=True)))
+
+        return read
+
+    def _read_status(self, data: bytes) -> None:
+        try:
+            time_ns = stamp_ns(data)
+            status = status_row(read_diagnostics(data)[0].values, time_ns / 1e9)
+        except (ValueError, IndexError):
+            return
+        self._heard.status = status
+        self.rows.add(time_ns, threshold_values(status))
+
+    def _hear_health(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            name = status.name.rsplit("/", 1)[-1]
+            if status.name != f"{NAMESPACE}/{name}":
+                continue
+            if not self._is_there(name):
+                self._heard.asked.discard(name)  # it has just come: its parameters may be others
+            self._heard.health[name] = {item.key: item.value for item in status.values}
+            self._heard.heard_s[name] = time.monotonic()
+            if name == INJECTOR:
+                said = self._heard.health[name].get("live_faults", "")
+                self._heard.live_faults = frozenset(fault for fault in FAULTS if fault in said)
+            if name in WATCHED and name not in self._heard.asked:
+                self._heard.asked.add(name)
+                self._jobs.put(self._get(name))
+
+    def _hear_parameters(self, event: ParameterEvent) -> None:
+        name = event.node.rsplit("/", 1)[-1]
+        if event.node != f"{NAMESPACE}/{name}" or name not in WATCHED:
+            return
+        for parameter in (*event.new_parameters, *event.changed_parameters):
+            if parameter.name in WATCHED[name]:
+                value = parameter_value_to_python(parameter.value)
+                self._heard.parameters.setdefault(name, {})[parameter.name] = value
+
+
+def _nothing(message: Any) -> None:
+    """Stand in as the callback of a subscription from which `Subscriptions` takes."""

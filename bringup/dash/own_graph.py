@@ -1,0 +1,141 @@
+"""A graph for the page alone: all nodes but the recorder, on the wall clock, for as long as the page is open."""
+
+import os
+import tempfile
+import threading
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from bringup.errors import BringupError, one_line
+from bringup.ros.graph import ACTIVATION_ORDER, MODULES, node_arguments, node_parameters
+from bringup.ros.processes import Child, Domain, ros_environment, start, stop
+from bringup.scenario import check
+from bringup.topics import PLANT, RECORDER
+
+#: How long a graph that runs may take to be seen, s: discovery takes less than half a second.
+LOOK_S = 1.5
+#: How long one that is starting may take, s.
+START_S = 30.0
+#: What is played: nothing. The last row of a scenario stays on, so a short one lasts for ever.
+AT_REST = {"name": "live", "description": "At rest until somebody does something.", "duration_s": 1.0}
+
+
+class OwnGraph:
+    """Starts the nodes at once, activates them in the background, and watches them; a context manager.
+
+    Parameters
+    ----------
+    domain : Domain
+        The ROS domain, already taken; released at the end.
+    point : str
+        Operating point to start at.
+
+    Attributes
+    ----------
+    problem : str
+        One line, when a node has died or would not start; else empty.
+    """
+
+    def __init__(self, domain: Domain, point: str = "med") -> None:
+        self.problem = ""
+        self._domain = domain
+        self._scenario = check({**AT_REST, "operating_point": point})
+        self._folder = tempfile.TemporaryDirectory(prefix="acftc-dash-")
+        self._children: dict[str, Child] = {}
+        self._ends = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def __enter__(self) -> Self:
+        # Processes first, and from this thread: a child ends with the thread that has started it.
+        environment = {**ros_environment(), "ROS_DOMAIN_ID": str(self._domain.number)}
+        log = Path(self._folder.name) / "log"
+        log.mkdir()
+        parameters: dict[str, dict[str, Any]] = node_parameters(
+            self._scenario, Path(self._folder.name), "realtime", passive=False
+        )
+        parameters[PLANT]["ticks"] = 0  # it never stops
+        for name, module in MODULES.items():
+            if name != RECORDER:
+                arguments = node_arguments(module, name, parameters[name], log)
+                self._children[name] = start(name, arguments, log, environment)
+        self._thread = threading.Thread(target=self._manage, args=(environment,), name="own graph", daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, problem: BaseException | None, where: TracebackType | None
+    ) -> None:
+        self._ends.set()
+        stop(list(self._children.values()))
+        if self._thread is not None:
+            self._thread.join()
+        self._folder.cleanup()
+        self._domain.release()
+
+    def _manage(self, environment: dict[str, str]) -> None:
+        """Bring the nodes to life, then see whether they stay alive."""
+        from bringup.ros.supervisor import Supervisor
+
+        try:
+            with Supervisor(self._children, environment) as supervisor:
+                supervisor.activate([name for name in ACTIVATION_ORDER if name in self._children])
+                while not self._ends.is_set():
+                    supervisor.spin()
+        except BringupError as problem:
+            if not self._ends.is_set():
+                self.problem = one_line(problem)
+        except Exception as problem:
+            if not self._ends.is_set():
+                self.problem = f"{type(problem).__name__}: {one_line(problem)}"
+
+
+def find_or_start(point: str = "med") -> tuple[int, OwnGraph | None]:
+    """Domain of a graph that runs, or of one of our own, which the caller enters and leaves.
+
+    Looks into ROS_DOMAIN_ID, 0 when it is not set. A domain that another run has taken, but in which nothing is to be
+    seen yet, is given time: that run is starting.
+
+    Raises
+    ------
+    BringupError
+        When ROS_DOMAIN_ID is no number of a domain, or a run that holds the domain shows no plant.
+    """
+    chosen = os.environ.get("ROS_DOMAIN_ID", "0")
+    wanted = int(chosen) if chosen.isdecimal() else -1  # `Domain` complains of it below
+    if _is_running(wanted, LOOK_S):
+        return wanted, None
+    try:
+        taken = Domain()
+    except BringupError:
+        if _is_running(wanted, START_S):
+            return wanted, None
+        raise
+    if taken.number != wanted and _is_running(wanted, START_S):
+        taken.release()
+        return wanted, None
+    return taken.number, OwnGraph(taken, point)
+
+
+def _is_running(domain: int, patience_s: float) -> bool:
+    """Whether the plant of a graph is to be seen in a ROS domain within a while."""
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    if domain not in range(233):
+        return False
+    os.environ.update(ros_environment())
+    context = rclpy.Context()
+    rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO, args=[], domain_id=domain)
+    node = rclpy.create_node("acftc_dash_look", context=context, start_parameter_services=False, enable_rosout=False)
+    try:
+        until = time.monotonic() + patience_s
+        while time.monotonic() < until:
+            if PLANT in node.get_node_names():
+                return True
+            time.sleep(0.05)
+        return False
+    finally:
+        node.destroy_node()
+        context.try_shutdown()

@@ -1,0 +1,230 @@
+"""The page: plots, lamps, controls, for each browser that opens it; the graph's state is the same for all."""
+
+import html
+import math
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from bokeh.document import Document
+from bokeh.models import ColumnDataSource, CustomJS, InlineStyleSheet
+from bokeh.models.widgets import Div, RadioButtonGroup
+from jinja2 import Environment, FileSystemLoader
+
+from bringup.dash.controls import FAULT_KINDS, STYLE, ChangeControl, FaultControl, RunControl
+from bringup.dash.cycle import corners, subcooled_enthalpy
+from bringup.dash.link import Link, View
+from bringup.dash.plots import (
+    cycle_columns,
+    cycle_plot,
+    cycle_source,
+    keys,
+    time_plots,
+    zone_columns,
+    zone_plot,
+    zone_source,
+)
+from bringup.dash.rows import MOST_ROWS, WINDOW_S, columns_of
+from bringup.topics import FAULTS
+from bringup.units import FAULT_UNITS, KPA
+
+#: Time between two updates, ms.
+UPDATE_MS = 100
+#: Texts with figures change more slowly than plots, or nobody could read them; s.
+TEXT_PERIOD_S = 0.5
+#: Choices of how much time the plots show, s.
+WINDOWS_S = (60, 120, round(WINDOW_S))
+
+_TEXT = InlineStyleSheet(
+    css="""
+:host { font-family: system-ui, sans-serif; font-size: 14px; color: #1a1a1a; }
+.bk-clearfix { display: block; width: 100%; }
+.lamps { display: flex; flex-wrap: wrap; gap: 6px; }
+.lamp { border: 1.5px solid #767676; border-radius: 999px; padding: 3px 12px 3px 9px; background: #fff;
+        white-space: nowrap; }
+.lamp::before { content: "\\25CB"; margin-right: 6px; }
+.lamp.on { color: #000; font-weight: 600; border-color: #000; }
+.lamp.on::before { content: "\\25CF"; }
+.lamp.on.good { background: #5fc9a6; }
+.lamp.on.warn { background: #E69F00; }
+.lamp.on.bad { background: #f08a4b; }
+.lamp.on.wait { background: #D9D9D9; }
+.readouts { display: grid; grid-template-columns: repeat(auto-fill, minmax(104px, 1fr)); gap: 6px 10px; }
+.readouts div { border-left: 3px solid #56B4E9; padding-left: 7px; }
+.readouts b { display: block; font-size: 16px; font-variant-numeric: tabular-nums; white-space: nowrap; }
+.readouts span { font-size: 12px; color: #444; white-space: nowrap; }
+.said { min-height: 1.3em; overflow-wrap: anywhere; }
+.said.failed { color: #8a2b00; font-weight: 600; }
+.said.failed::before { content: "\\2717\\00A0"; }
+"""
+)
+
+
+def make_page(link: Link, problem: Callable[[], str]) -> Callable[[Document], None]:
+    """Make the function that fills a browser's document.
+
+    Parameters
+    ----------
+    link : Link
+        The page's ROS node.
+    problem : callable
+        What is wrong with a graph of our own, empty when nothing is.
+    """
+    template = Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=False).get_template("page.html")
+
+    def fill(document: Document) -> None:
+        document.title = "acftc live"
+        document.template = template
+        document.template_variables["keys"] = {key.name: key for key in keys()}
+        page = _Page(link, problem)
+        for root in page.roots:
+            document.add_root(root)
+        document.js_on_event("connection_lost", CustomJS(code="document.getElementById('lost').hidden = false"))
+        page.update()
+        document.add_periodic_callback(page.update, UPDATE_MS)
+
+    return fill
+
+
+class _Page:
+    """What one browser sees."""
+
+    def __init__(self, link: Link, problem: Callable[[], str]) -> None:
+        self._link, self._problem = link, problem
+        self._seen = (0, 0)
+        self._texts_s = -math.inf
+        self._zones: dict[str, float] = {}
+        self._rest_of = ""
+        self._source = ColumnDataSource(columns_of([]), name="rows")
+        self._cycle, self._rest, self._zone = cycle_source(), cycle_source(), zone_source()
+        plots, self._time = time_plots(self._source)
+        window = RadioButtonGroup(
+            name="window", labels=[f"{s} s" for s in WINDOWS_S], active=1, margin=0, stylesheets=[STYLE]
+        )
+        window.on_change("active", lambda _attr, _old, new: self._show_last(WINDOWS_S[new]))
+        self._show_last(WINDOWS_S[1])
+        self._lamps, self._readouts, self._said = (
+            Div(name=name, sizing_mode="stretch_width", margin=0, stylesheets=[_TEXT])
+            for name in ("lamps", "readouts", "said")
+        )
+        self._controls: list[FaultControl | ChangeControl | RunControl] = [
+            *(FaultControl(kind, link) for kind in FAULT_KINDS),
+            ChangeControl(link),
+            RunControl(link),
+        ]
+        widgets = [widget for control in self._controls for widget in control.widgets]
+        self.roots = [
+            *plots, cycle_plot(self._cycle, self._rest), zone_plot(self._zone), window, self._lamps, self._readouts,
+            self._said, *widgets,
+        ]  # fmt: skip
+
+    def update(self) -> None:
+        """Show what is new."""
+        view = self._link.view()
+        generation, count, rows = self._link.rows.since(*self._seen)
+        if generation != self._seen[0]:
+            self._source.data = columns_of(rows)
+        elif rows:
+            self._source.stream(columns_of(rows), rollover=MOST_ROWS)
+        self._seen = generation, count
+        if rows:
+            self._show_cycle(view)
+        for control in self._controls:
+            control.show(view)
+        _set_text(self._lamps, lamps(view, self._problem()))
+        _set_text(self._said, said(view, self._problem()))
+        now = time.monotonic()
+        if now - self._texts_s >= TEXT_PERIOD_S:
+            self._texts_s = now
+            _set_text(self._readouts, readouts(self._link.rows.newest, view))
+
+    def _show_last(self, seconds: int) -> None:
+        self._time.follow_interval = self._time.default_span = float(seconds)
+
+    def _show_cycle(self, view: View) -> None:
+        newest = self._link.rows.newest
+        p_e, superheat, p_c = newest["p_e"] * KPA, newest["superheat"], newest["p_c"] * KPA
+        if not all(map(math.isfinite, (p_e, superheat, p_c))) or min(p_e, p_c) <= 0.0:
+            return
+        state = {key[6:]: float(value) for key, value in view.plant.items() if key.startswith("state/")}
+        below = subcooled_enthalpy(state["p_c"], state["h_c3"]) if state else 0.0
+        self._cycle.data = cycle_columns(corners(p_e, superheat, p_c, below))
+        if view.point and view.point != self._rest_of:
+            self._rest_of = view.point
+            self._rest.data = cycle_columns(rest_corners(view.point))
+        if state and state != self._zones:
+            self._zones = state
+            self._zone.data = zone_columns(state)
+
+
+def rest_corners(point: str) -> Any:
+    """Corners of the cycle at rest at an operating point."""
+    from bringup.rest import rest_at
+
+    rest = rest_at(point)
+    p_e, superheat, _, p_c = rest["outputs"].tolist()
+    return corners(p_e, superheat, p_c, subcooled_enthalpy(p_c, float(rest["state"][8])))
+
+
+def lamps(view: View, problem: str) -> str:
+    """What is lit: the graph's phase, detection, isolation, accommodation; sign and words say what the colour says."""
+    phases = {
+        "running": ("good", "running"),
+        "paused": ("wait", "paused"),
+        "setting up": ("wait", "setting up"),
+        "over": ("wait", "the run is over"),
+        "absent": ("bad", "no graph to be seen"),
+    }
+    kind, word = ("bad", "a node has failed") if problem else phases[view.phase]
+    parts = [_lamp("phase", True, kind, word)]
+    status = view.status if view.phase in ("running", "paused", "over") else None
+    detected = status is not None and status.detected
+    parts.append(_lamp("detected", detected, "warn", "fault detected" if detected else "no fault detected"))
+    isolated = {status.isolated, status.also_isolated} if status is not None else set()
+    for fault, symbol, what in zip(FAULTS, ("f_N", "f_p"), ("compressor", "pressure sensor"), strict=True):
+        words = f"{symbol} {what}"
+        if status is not None and status.isolated == fault:
+            unit, si = FAULT_UNITS[fault]
+            words += f": {status.size / si:+.1f} {unit}"
+        parts.append(_lamp(f"isolated_{symbol}", fault in isolated, "bad", words))
+    words = "accommodation on" if view.accommodate else "accommodation off"
+    parts.append(_lamp("accommodating", view.accommodate, "good", words))
+    return f'<div class="lamps" role="status">{"".join(parts)}</div>'
+
+
+def _lamp(name: str, on: bool, kind: str, words: str) -> str:
+    return f'<span class="lamp {kind}{" on" if on else ""}" data-lamp="{name}">{html.escape(words)}</span>'
+
+
+def readouts(newest: Mapping[str, float], view: View) -> str:
+    """Figures of this moment, with their units."""
+    cooling = float(view.plant.get("cooling_power_w", "nan")) / 1e3
+    figures = (
+        ("evaporator", f"{newest.get('p_e', math.nan):.1f} kPa"),
+        ("condenser", f"{newest.get('p_c', math.nan):.0f} kPa"),
+        ("superheat", f"{newest.get('superheat', math.nan):.2f} K"),
+        ("wall", f"{newest.get('wall', math.nan):.2f} °C"),
+        ("compressor", f"{newest.get('speed_actual', math.nan):.0f} rpm"),
+        ("valve", f"{newest.get('valve', math.nan):.1f} %"),
+        ("air flow", f"{newest.get('air_flow', math.nan):.0f} g/s"),
+        ("air inlet", f"{newest.get('air_inlet', math.nan):.1f} °C"),
+        ("cooling", f"{cooling:.2f} kW"),
+        ("missed ticks", view.plant.get("missed_ticks", "–")),
+    )
+    parts = [f"<div><span>{name}</span><b>{figure.replace('nan', '–')}</b></div>" for name, figure in figures]
+    return f'<div class="readouts">{"".join(parts)}</div>'
+
+
+def said(view: View, problem: str) -> str:
+    """The line of what has come of the last control."""
+    failed = bool(problem) or view.failed
+    words = problem or view.message
+    if not words and view.recorded:
+        words = "A recorded run keeps its operating point: no reset."
+    return f'<div class="said{" failed" if failed else ""}" role="status">{html.escape(words)}</div>'
+
+
+def _set_text(div: Div, text: str) -> None:
+    if div.text != text:
+        div.text = text

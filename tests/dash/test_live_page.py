@@ -1,0 +1,180 @@
+"""The live page in a real browser beside a real graph: click, and see what comes of it."""
+
+import math
+import os
+import re
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+from live_browser import PATIENCE_S, acftc, new_page, newest, newest_row, started_browser, until
+from playwright.sync_api import Browser, Locator, Page, expect
+
+from bringup.bags.reader import read_bag
+from bringup.rest import rest_at
+from bringup.units import KPA
+
+expect.set_options(timeout=PATIENCE_S * 1e3)
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+DOMAIN = 20 + os.getpid() % 20
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with started_browser() as browser:
+        yield browser
+
+
+@pytest.fixture(scope="module")
+def page(browser: Browser) -> Iterator[Page]:
+    """One page with a graph of its own, and all that the browser asked anybody for."""
+    with acftc("dash", "--no-browser", domain=DOMAIN) as (url, process):
+        page = new_page(browser)
+        page.asked = []
+        page.complaints = []
+        page.on("request", lambda request: page.asked.append(request.url))
+        page.on("websocket", lambda opened: page.asked.append(opened.url))
+        page.on("pageerror", lambda error: page.complaints.append(str(error)))
+        page.on("console", lambda said: page.complaints.append(said.text) if said.type == "error" else None)
+        page.goto(url)
+        expect(lamp(page, "phase")).to_have_text("running")
+        until(lambda: newest(page, "t") > 0.0, "no row has come")
+        yield page
+        assert process.poll() is None
+
+
+def lamp(page: Page, name: str) -> Locator:
+    return page.locator(f"[data-lamp={name}]")
+
+
+def is_lit(page: Page, name: str) -> None:
+    expect(lamp(page, name)).to_have_class(re.compile(r"\bon\b"))
+
+
+def is_out(page: Page, name: str) -> None:
+    expect(lamp(page, name)).not_to_have_class(re.compile(r"\bon\b"))
+
+
+def click(page: Page, name: str) -> None:
+    page.get_by_role("button", name=name, exact=True).click()
+
+
+def test_a_fault_injected_by_a_click_lights_the_lamps_and_shows_in_the_residual(page: Page) -> None:
+    is_out(page, "detected")
+    is_out(page, "isolated_f_N")
+    threshold = newest(page, "threshold_n")
+    assert abs(newest(page, "residual_n")) < threshold
+    page.get_by_label("size, rpm").fill("60")
+    page.get_by_label("size, rpm").press("Enter")
+    click(page, "Inject f_N")
+    is_lit(page, "detected")
+    is_lit(page, "isolated_f_N")
+    is_out(page, "isolated_f_p")
+    assert math.isclose(newest(page, "f_n"), 60.0)
+    until(lambda: newest(page, "residual_n") > 30.0, "the residual does not grow")
+    expect(page.get_by_role("button", name="Stop f_N")).to_be_visible()
+    row = newest_row(page)
+    assert row["speed_actual"] - row["speed"] == pytest.approx(60.0, abs=1e-6)
+    click(page, "Stop f_N")
+    until(lambda: newest(page, "f_n") == 0.0, "the fault does not end")
+
+
+def test_references_and_air_follow_what_is_typed(page: Page) -> None:
+    rest = newest(page, "superheat_reference"), newest(page, "air_flow")
+    page.get_by_label("SH reference, K").fill("-2.5")
+    page.get_by_label("air mass flow, %").fill("10")
+    page.get_by_label("air mass flow, %").press("Enter")
+    click(page, "Apply")
+    expect(page.locator(".said")).to_have_text("SH reference -2.5 K; air mass flow +10 %")
+    until(lambda: math.isclose(newest(page, "superheat_reference"), rest[0] - 2.5), "the reference stays")
+    until(lambda: math.isclose(newest(page, "air_flow"), 1.1 * rest[1]), "the air stays")
+    click(page, "Back to zero")
+    until(lambda: (newest(page, "superheat_reference"), newest(page, "air_flow")) == rest, "they do not come back")
+
+
+def test_a_number_out_of_range_is_not_sent(page: Page) -> None:
+    before = newest(page, "superheat_reference")
+    field = page.get_by_label("SH reference, K")
+    field.fill("500")
+    field.press("Enter")
+    click(page, "Apply")
+    expect(field).to_have_value("0")
+    field.fill("")
+    field.press("Enter")
+    click(page, "Apply")
+    expect(page.locator(".said.failed")).to_have_text("SH reference, K: given nothing; allowed: -18 to 30")
+    assert newest(page, "superheat_reference") == before
+    click(page, "Back to zero")
+    expect(page.locator(".said.failed")).to_have_count(0)
+
+
+def test_accommodation_is_switched_off_and_on(page: Page) -> None:
+    is_lit(page, "accommodating")
+    click(page, "Switch accommodation off")
+    is_out(page, "accommodating")
+    expect(lamp(page, "accommodating")).to_have_text("accommodation off")
+    click(page, "Switch accommodation on")
+    is_lit(page, "accommodating")
+
+
+def test_a_paused_loop_stands_still_and_goes_on(page: Page) -> None:
+    click(page, "Pause")
+    expect(lamp(page, "phase")).to_have_text("paused")
+    until(lambda: math.isclose(before := newest(page, "t"), newest(page, "t")) and before > 0.0, "it moves")
+    stopped = newest(page, "t")
+    page.wait_for_timeout(500)
+    assert newest(page, "t") == stopped
+    click(page, "Resume")
+    expect(lamp(page, "phase")).to_have_text("running")
+    until(lambda: newest(page, "t") > stopped, "it does not go on")
+
+
+def test_operating_point_and_reset(page: Page) -> None:
+    low = rest_at("low")["outputs"]
+    click(page, "low")
+    # On a machine that has never been there, the designs of this point have to be made first.
+    expect(page.locator(".said")).to_have_text("started anew at the operating point low", timeout=280e3)
+    expect(lamp(page, "phase")).to_have_text("running")
+    until(lambda: math.isclose(newest(page, "p_e"), low[0] / KPA, rel_tol=1e-4), "not at rest at the low point")
+    assert newest(page, "p_e_reference") == pytest.approx(low[0] / KPA)
+    is_out(page, "detected")
+    click(page, "Inject f_p")
+    until(lambda: newest(page, "f_p") == 5.0, "no fault")
+    click(page, "Reset")
+    expect(page.locator(".said")).to_have_text("started anew at the operating point low")
+    until(lambda: newest(page, "f_p") == 0.0, "the fault is still there")
+    expect(page.get_by_role("button", name="Inject f_p")).to_be_visible()
+
+
+def test_the_browser_asked_nobody_else_and_had_nothing_to_complain_of(page: Page) -> None:
+    here = urlsplit(page.url).netloc
+    assert {urlsplit(url).netloc for url in page.asked if not url.startswith(("data:", "blob:"))} == {here}
+    assert any(url.startswith("ws://") for url in page.asked)
+    assert page.complaints == []
+
+
+@pytest.mark.parametrize("width", [1400, 390])
+def test_nothing_sticks_out_of_the_page(page: Page, width: int) -> None:
+    page.set_viewport_size({"width": width, "height": 900})
+    page.wait_for_timeout(300)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    page.set_viewport_size({"width": 1400, "height": 900})
+
+
+def test_run_with_a_page_beside_it(browser: Browser, tmp_path: Path) -> None:
+    arguments = ("run", "nominal", "--set", "duration_s=3600", "--mode", "realtime", "--dash", "--out", str(tmp_path))
+    with acftc(*arguments, domain=DOMAIN + 1) as (url, process):
+        page = new_page(browser)
+        page.goto(url)
+        until(lambda: newest(page, "t") > 0.0, "no row has come")
+        expect(page.locator(".said")).to_have_text("A recorded run keeps its operating point: no reset.")
+        expect(page.get_by_role("button", name="Reset")).to_be_disabled()
+        process.send_signal(signal.SIGINT)
+        expect(page.get_by_role("alert")).to_be_visible()  # the server is gone, and the page says so
+        assert process.wait(PATIENCE_S) == 130
+    recording = read_bag(tmp_path / "bag")
+    assert recording.metadata["mode"] == "realtime"
+    assert len(recording.time_s) > 1
