@@ -16,12 +16,26 @@ where the last one stopped, so the trajectory does not depend on how a duration 
 import numpy as np
 
 from ac_plant_node.compiled import jit
-from ac_plant_node.model import HEAT_IN, N_STATES, POWER, Q_AIR_C, Q_AIR_E, rhs
+from ac_plant_node.model import (
+    HEAT_IN,
+    N_STATES,
+    POWER,
+    Q_AIR_C,
+    Q_AIR_E,
+    balances,
+    condenser_zones,
+    evaporator_zones,
+    rhs,
+)
 
 DEFAULT_TOLERANCE = 1.0e-5
 """Local error per step allowed, relative to `ERROR_SCALE`."""
 MIN_STEP_S = 1.0e-2
 """Steps this short are accepted whatever their error estimate: a kink where a zone vanishes is then passed over."""
+CUT = 0.3
+"""A step of `MIN_STEP_S` or less that is refused all the same is tried again this much shorter,"""
+REGAIN = 2.0
+"""and the ones after it lengthen by this factor until they are back."""
 MAX_STEP_S = 20.0
 MAX_AGE = 4.0
 """Accepted steps for which one Jacobian serves; after a rejected step it is made anew. Order and conservation do not
@@ -127,8 +141,17 @@ def _substitute(a, pivots, b):  # type: ignore[no-untyped-def]
 
 @jit
 def _jacobian(y0, f0, jac, dy, trial, s, charge, w, par, tab, guess, z, aux):  # type: ignore[no-untyped-def]
-    """Jacobian of the rates at y0 by forward differences, backward where forward leads out of the tables."""
+    """Jacobian of the rates at y0 by forward differences, backward where forward leads out of the tables.
+
+    Only what depends on a component is evaluated again: wall temperatures (3, 4, 9, 10, 11) move neither pressures nor
+    zones, the condenser's energy and first zone (6, 7) not the evaporator.
+    """
     n = N_STATES
+    for i in range(n):
+        s[i] = y0[i]
+    s[5] = charge - y0[0]
+    ev, suction, _ = evaporator_zones(s, par, tab, guess[0])
+    co, _ = condenser_zones(s, suction, par, tab, guess[1])
     for j in range(n):
         if j == 5:
             for i in range(n):
@@ -136,12 +159,30 @@ def _jacobian(y0, f0, jac, dy, trial, s, charge, w, par, tab, guess, z, aux):  #
             continue
         for i in range(n):
             trial[i] = y0[i]
-        d = _DIFFERENCE[j]
-        trial[j] += d
-        if _rate(trial, charge, w, par, tab, guess, z, s, dy, aux) != 0:
-            d = -d
-            trial[j] = y0[j] + d
+        trial[j] += _DIFFERENCE[j]
+        failed = 0
+        if j == 3 or j == 4 or j >= 9:
+            s[j] = trial[j]
+            balances(s, w, par, tab, ev, suction, co, z, dy, aux)
+            dy[5] = aux[HEAT_IN]
+            s[j] = y0[j]
+        elif j == 6 or j == 7:
+            s[j] = trial[j]
+            other, failed = condenser_zones(s, suction, par, tab, co.p)
+            balances(s, w, par, tab, ev, suction, other, z, dy, aux)
+            dy[5] = aux[HEAT_IN]
+            s[j] = y0[j]
+        else:
+            failed = _rate(trial, charge, w, par, tab, guess, z, s, dy, aux)
+            for i in range(n):
+                s[i] = y0[i]
+            s[5] = charge - y0[0]
+        if failed != 0:
+            trial[j] = y0[j] - _DIFFERENCE[j]
             _rate(trial, charge, w, par, tab, guess, z, s, dy, aux)
+            for i in range(n):
+                s[i] = y0[i]
+            s[5] = charge - y0[0]
         inv = 1.0 / (trial[j] - y0[j])
         for i in range(n):
             jac[i, j] = (dy[i] - f0[i]) * inv
@@ -205,16 +246,20 @@ def _advance_once(y0, y1, f0, f1, jac, lu, u, trial, s, pivots, memory, charge, 
         if ok and (error <= 1.0 or (h <= MIN_STEP_S * 1.0001 and kept < MAX_ERROR and calm)):
             grow = 0.9 * max(error, 1.0e-4) ** (-1.0 / 3.0)
             limit = 1.0 if rejected else 5.0
+            longer = h * min(max(grow, 0.2), limit)
+            # Below the forced step it grows whatever the estimate says, but not all at once.
+            longer = max(longer, min(REGAIN * h, MIN_STEP_S))
             memory[H_LAST] = h
-            memory[H_NEXT] = min(max(h * min(max(grow, 0.2), limit), MIN_STEP_S), MAX_STEP_S)
+            memory[H_NEXT] = min(longer, MAX_STEP_S if h >= MIN_STEP_S else MIN_STEP_S)
             memory[N_STEPS] += 1.0
-            memory[AGE] += 1.0
+            # Past a kink the Jacobian is another one.
+            memory[AGE] = memory[AGE] + 1.0 if error <= 1.0 else MAX_AGE
             return 0
         memory[N_REJECTED] += 1.0
         rejected = True
         if ok:
             shorter = h * max(0.9 * error ** (-1.0 / 3.0), 0.1)
-            h = max(shorter, MIN_STEP_S) if h > MIN_STEP_S * 1.0001 else shorter
+            h = max(shorter, MIN_STEP_S) if h > MIN_STEP_S * 1.0001 else CUT * h
         else:
             h *= 0.25
             if h < 1.0e-7:

@@ -524,15 +524,32 @@ def rhs(s, w, par, tab, guess, z, ds, aux):  # type: ignore[no-untyped-def]
     int
         0, or 1 when no pressure inside the tables fits the mass and energy of a heat exchanger.
     """
-    ev, failed_e = solve_evaporator(guess[0], s[0] / par[_VE], s[1] / par[_VE], s[2], s[8], tab)
-    suction = _suction(ev, s[2], tab)
-    zeta_1 = min(max(s[7], 0.0), 0.98)
-    co, failed_c = solve_condenser(
-        guess[1], s[5] / par[_VC], s[6] / par[_VC], zeta_1, s[8], suction.s, s[2], par[_ETAS], tab
-    )
+    ev, suction, failed_e = evaporator_zones(s, par, tab, guess[0])
+    co, failed_c = condenser_zones(s, suction, par, tab, guess[1])
     if failed_e == 0 and failed_c == 0:
         guess[0], guess[1] = ev.p, co.p
-    zeta_c3 = 1.0 - zeta_1 - co.zeta_2 if co.regime == 0 else 0.0
+    balances(s, w, par, tab, ev, suction, co, z, ds, aux)
+    return max(failed_e, failed_c)
+
+
+@jit
+def evaporator_zones(s, par, tab, start):  # type: ignore[no-untyped-def]
+    """Zones of the evaporator, what the compressor draws, 0 or 1 as `solve_evaporator`: of s[0, 1, 2, 8]."""
+    ev, failed = solve_evaporator(start, s[0] / par[_VE], s[1] / par[_VE], s[2], s[8], tab)
+    return ev, _suction(ev, s[2], tab), failed
+
+
+@jit
+def condenser_zones(s, suction, par, tab, start):  # type: ignore[no-untyped-def]
+    """Zones of the condenser, 0 or 1 as `solve_condenser`: of s[2, 5, 6, 7, 8] and `suction`."""
+    zeta_1 = min(max(s[7], 0.0), 0.98)
+    return solve_condenser(start, s[5] / par[_VC], s[6] / par[_VC], zeta_1, s[8], suction.s, s[2], par[_ETAS], tab)
+
+
+@jit
+def balances(s, w, par, tab, ev, suction, co, z, ds, aux):  # type: ignore[no-untyped-def]
+    """Rates and auxiliary results of `rhs`, given the zones of `s`."""
+    zeta_c3 = 1.0 - co.zeta_1 - co.zeta_2 if co.regime == 0 else 0.0
     flow = _flows(ev, co, suction, s[8], w, par, tab)
     heat = _heat(ev, co, zeta_c3, suction.superheat, s, w, par)
     # Conserved quantities: exact whatever the zones do.
@@ -545,7 +562,6 @@ def rhs(s, w, par, tab, guess, z, ds, aux):  # type: ignore[no-untyped-def]
     ds[2], ds[7], ds[8] = z[2, 7], z[4, 7], z[6, 7]
     _wall_rates(z, ev, co, heat, zeta_c3, own_e, own_c, s, par, ds)
     _write_results(aux, ev, co, suction, flow, heat, zeta_c3, s, par)
-    return max(failed_e, failed_c)
 
 
 @jit

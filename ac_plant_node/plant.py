@@ -1,6 +1,7 @@
 """The plant as an object: rests at a point, runs on with inputs held, tells its outputs and its balances."""
 
 import math
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,6 +86,15 @@ class Plant:
         """
         at = operating_point(point) if isinstance(point, str) else point
         return cls(at.conserved, at.inputs, tolerance=tolerance)
+
+    def copy(self) -> "Plant":
+        """A second plant in the very same state, which runs on by itself."""
+        other = copy(self)
+        for name in ("_y", "_w", "_guess", "_z", "_aux", "_out"):
+            setattr(other, name, getattr(self, name).copy())
+        other._work = tuple(array.copy() for array in self._work)
+        other._memory = other._work[-1]
+        return other
 
     def step(self, inputs: NDArray[np.float64], duration_s: float) -> NDArray[np.float64]:
         """Run on with `inputs` held.
@@ -173,6 +183,11 @@ class Plant:
     def state(self) -> NDArray[np.float64]:
         """The paper's state x (12,), see `OperatingPoint.state`."""
         return self._aux[:12].copy()
+
+    @property
+    def steps_tried(self) -> float:
+        """Integration steps since the plant was made, refused ones included: the measure of the work done."""
+        return float(self._memory[integrator.N_STEPS] + self._memory[integrator.N_REJECTED])
 
     @property
     def refrigerant_mass_kg(self) -> float:

@@ -8,11 +8,12 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from bringup.bench import loop_speed
+from bringup.bench.figure import Figure
 from bringup.errors import RunError
 from bringup.ros.graph import MODULES, GraphRun, run_graph
 from bringup.ros.processes import PARENT_VARIABLE, Domain, ros_environment
@@ -20,31 +21,6 @@ from bringup.scenario import load
 from bringup.topics import PLANT, RECORDER
 
 Say = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class Figure:
-    """One line of the table.
-
-    Attributes
-    ----------
-    ours, reference : measured in the same run of the benchmark; reference None where there is nothing to compare with.
-    bar : what the figure must reach ("at least" or "at most" is in `at_least`); None: for information.
-    """
-
-    name: str
-    unit: str
-    ours: float
-    bar: float | None = None
-    at_least: bool = False
-    reference: float | None = None
-
-    @property
-    def passed(self) -> bool | None:
-        """Whether the bar is reached; None when there is none."""
-        if self.bar is None:
-            return None
-        return self.ours >= self.bar if self.at_least else self.ours <= self.bar
 
 
 def bench(ticks: int = 1000, rounds: int = 3, realtime_s: float = 60.0, say: Say = lambda _: None) -> list[Figure]:

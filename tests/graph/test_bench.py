@@ -6,7 +6,8 @@ import sys
 
 import pytest
 
-from bringup.bench.figures import Figure, as_dicts, bare_chain
+from bringup.bench.figure import Figure
+from bringup.bench.figures import as_dicts, bare_chain
 
 
 def test_verdicts() -> None:
