@@ -2,9 +2,12 @@
 
 lockstep: tick k+1 begins when the command and the air side of tick k have arrived; stamps count from 0, and `/clock`
 tells them. realtime: tick k+1 begins when the wall clock says so, and stamps are the wall clock's; a command that is
-late by then is counted as a missed tick, and the one before it stays on (zero-order hold).
+late by then is counted as a missed tick, and the one before it stays on (zero-order hold), for `command_hold_s` at
+most: then the actuators go to the operating point's command by themselves. A plant that was stopped catches up in
+silence.
 """
 
+import math
 import sys
 import time
 from typing import Protocol
@@ -14,12 +17,20 @@ from numpy.typing import NDArray
 
 from bringup.rest import rest_at
 from bringup.ros.node_shell import MODE, OPERATING_POINT, SAMPLE_TIME, NodeShell, Parameter, run_node
+from bringup.safe_command import COMMAND_HOLD_S, CommandHold
 from bringup.topics import CLOCK, PLANT, Topic
 
 PARAMETERS = (
     OPERATING_POINT,
     SAMPLE_TIME,
     MODE,
+    Parameter(
+        "command_hold_s",
+        COMMAND_HOLD_S,
+        "realtime: how long the last command stays on when none comes, before the operating point's does, s",
+        0.0,
+        60.0,
+    ),
     Parameter("ticks", 0, "stop after this many ticks; 0: never", low=0, high=2**31 - 1),
 )
 #: A command that is later than this is not counted in the latencies any more.
@@ -57,6 +68,7 @@ class PlantNode(NodeShell):
         self._latencies_s: list[float] = []
         self._published_s: dict[int, float] = {}  # of ticks whose command has not come yet
         self._wall_s = 0.0
+        self._first_ns = 0
 
     def make_model(self) -> tuple[Model, NDArray[np.float64], NDArray[np.float64]]:
         """Plant at rest at its operating point, and the inputs and outputs there; override it for another model."""
@@ -73,7 +85,8 @@ class PlantNode(NodeShell):
         self._plant, inputs, outputs = self.make_model()
         self._held = np.array(inputs, dtype=np.float64)
         self._plant_outputs = np.array(outputs, dtype=np.float64)
-        self._realtime: bool = self.value("mode") == "realtime"
+        self._realtime = self.is_realtime
+        self._hold = CommandHold(self._held[:2], self.value("sample_time_s"), self.value("command_hold_s"))
         self._sample_time_s: float = self.value("sample_time_s")
         self._tick_ns = round(self._sample_time_s * 1e9)
         self._last_tick: int = self.value("ticks") - 1
@@ -84,7 +97,12 @@ class PlantNode(NodeShell):
         self._published_s.clear()
         if not self._realtime:
             self.add_output(Topic("clock", CLOCK, PLANT), "/clock")
-        self.on_tick(("actuator/command", "scenario/air", "scenario/air_inlet_temperature"), self._commanded)
+        air = ("scenario/air", "scenario/air_inlet_temperature")
+        if self._realtime:
+            self.on_tick(air, self._ventilated, holds_s=dict.fromkeys(air, math.inf))
+            self.on_tick(("actuator/command",), self._commanded)
+        else:
+            self.on_tick(("actuator/command", *air), self._commanded)
 
     def started(self) -> None:
         """Publish the first tick."""
@@ -94,12 +112,15 @@ class PlantNode(NodeShell):
         paused = self._tick in self._published_s or self._commanded_tick >= 0
         if not paused:
             self._started_s = time.monotonic()
+            self._first_ns = time.time_ns() if self._realtime else 0
+            self._epoch_s = self._started_s  # when tick 0 was, or would have been
         if self._realtime:
-            now_ns = time.time_ns()
-            due_ns = self._first_ns + self._tick * self._tick_ns
-            # After a pause the stamps go on by whole ticks.
-            self._first_ns = self._first_ns - (due_ns - now_ns) // self._tick_ns * self._tick_ns if paused else now_ns
-            self.deadline_s = time.monotonic() + self._sample_time_s
+            # After a pause the stamps go on by whole ticks; not by the wall clock, which may have been set meanwhile.
+            passed = int((time.monotonic() - self._epoch_s) / self._sample_time_s)
+            paused_ticks = passed - (self._tick + 1) if paused else 0
+            self._first_ns += paused_ticks * self._tick_ns
+            self._epoch_s += paused_ticks * self._sample_time_s
+            self.deadline_s = self._epoch_s + (self._tick + 1 + paused) * self._sample_time_s
         if paused:
             self._advance()  # the command of the tick in which it was stopped is gone: the one before stays on
         else:
@@ -126,27 +147,49 @@ class PlantNode(NodeShell):
         tick, rest = divmod(time_ns - self._first_ns, self._tick_ns)
         if rest or tick not in self._published_s or self._finished:
             return
-        self._held[:] = values
+        self._held[: len(values)] = values
+        self._hold.commanded(values[:2])
         self._commanded_tick = tick
         self._latencies_s.append(time.monotonic() - self._published_s.pop(tick))
         if tick == self._tick and not self._realtime:
             self._advance()
+        if self._realtime:
+            self.enter("", time_ns)
+
+    def _ventilated(self, time_ns: int, *values: float) -> None:  # noqa: ARG002
+        """Hold the air side from now on."""
+        self._held[2:] = values
 
     def on_deadline(self) -> None:
         """Begin the next tick of the wall clock with whatever command is there."""
-        self._missed += self._commanded_tick < self._tick
-        self._published_s.pop(self._tick - MOST_LATE_TICKS, None)
+        late = int((time.monotonic() - self.deadline_s) / self._sample_time_s)
+        if late > 0 and self._last_tick >= 0:
+            late = min(late, self._last_tick - self._tick)
+        for _ in range(late):  # it was stopped: what it missed goes by in silence, as a plant does not stand still
+            self._close_tick()
+            self._step()
+            self._tick += 1
+            self.deadline_s += self._sample_time_s
+        self._close_tick()
         self.deadline_s += self._sample_time_s
         self._advance()
 
+    def _close_tick(self) -> None:
+        """Count a tick whose command has not come, and do without."""
+        self._published_s.pop(self._tick - MOST_LATE_TICKS, None)
+        if self._commanded_tick >= self._tick:
+            return
+        self._missed += 1
+        if self._commanded_tick < 0:
+            return
+        setpoint = self._hold.silent()
+        if self._hold.is_over:
+            self._held[:2] = setpoint
+            self.enter("no command: actuators go to the safe command", self._first_ns + self._tick * self._tick_ns)
+
     def _advance(self) -> None:
         """Step over the tick with the inputs held, and publish the next one."""
-        assert self._plant is not None
-        try:
-            self._plant_outputs = self._plant.step(self._held, self._sample_time_s)
-        except ValueError as problem:
-            msg = f"the plant stopped at {self._tick * self._tick_ns / 1e9:.1f} s: {problem}"
-            raise ValueError(msg) from problem
+        self._step()
         if self._tick == self._last_tick:
             self._finished = True
             self._wall_s = time.monotonic() - self._started_s
@@ -156,6 +199,14 @@ class PlantNode(NodeShell):
         self._tick += 1
         self._publish()
 
+    def _step(self) -> None:
+        assert self._plant is not None
+        try:
+            self._plant_outputs = self._plant.step(self._held, self._sample_time_s)
+        except ValueError as problem:
+            msg = f"the plant stopped at {self._tick * self._tick_ns / 1e9:.1f} s: {problem}"
+            raise ValueError(msg) from problem
+
     def health_values(self) -> dict[str, str]:
         """Where the run is, and how long commands took."""
         latencies = np.array(self._latencies_s if self._finished and self._latencies_s else [np.nan]) * 1e3
@@ -164,6 +215,7 @@ class PlantNode(NodeShell):
             "finished": "true" if self._finished else "false",
             "wall_seconds": repr(self._wall_s),
             "missed_ticks": str(self._missed),
+            "first_ns": str(self._first_ns),
             "command_latency_p50_ms": f"{np.percentile(latencies, 50):.3f}",
             "command_latency_p99_ms": f"{np.percentile(latencies, 99):.3f}",
             "command_latency_max_ms": f"{np.max(latencies):.3f}",

@@ -14,9 +14,9 @@ from rclpy.serialization import deserialize_message
 from bringup.bags.recorder import BagWriter, RecordedTopic
 from bringup.designs import ATTACHMENT, DESIGNED
 from bringup.ros.cdr import stamp_ns
-from bringup.ros.inputs import Subscriptions
+from bringup.ros.inputs import Arrival, Subscriptions
 from bringup.ros.node_shell import DEADLINE_S, DEPTH, LOOP_QOS, MODE, PLAIN_QOS, NodeShell, Parameter, run_node
-from bringup.topics import CLOCK, DIAGNOSTICS, PLANT, RECORDER, TOPICS
+from bringup.topics import CLOCK, DIAGNOSTICS, OCCASIONAL, PLANT, RECORDER, TOPICS
 
 #: Far below what the middleware keeps for a slow reader, and below the bag's flush period.
 TAKE_PERIOD_S = 0.02
@@ -26,6 +26,7 @@ REALTIME_PATIENCE_S = 0.5
 
 PARAMETERS = (
     Parameter("folder", "bag", "folder of the bag; must not hold one yet"),
+    Parameter("append", False, "go on in a further file of a bag that is there already"),
     Parameter("run", "{}", "what is being run, as JSON; stored in the bag"),
     Parameter(
         "ticks", 0, "complete after this many messages of each loop topic; 0: when told to", low=0, high=2**31 - 1
@@ -51,13 +52,15 @@ class RecorderNode(NodeShell):
         namespace = self.get_namespace().rstrip("/")
         topics = [RecordedTopic(f"{namespace}/{t.name}", t.type, DEPTH, DEADLINE_S) for t in TOPICS]
         self._loop_topics = len(topics)
+        topics += [RecordedTopic(f"{namespace}/{t.name}", t.type, DEPTH) for t in OCCASIONAL]
         topics.append(RecordedTopic("/diagnostics", DIAGNOSTICS, DEPTH))
         self._health_topic = len(topics) - 1
         if self._lockstep:
             topics.append(RecordedTopic("/clock", CLOCK, DEPTH))
         self._names = [topic.name for topic in topics]
         self._last_ns = 0
-        self._bag = BagWriter(Path(self.value("folder")), topics, json.loads(self.value("run")))
+        run = json.loads(self.value("run"))
+        self._bag = BagWriter(Path(self.value("folder")), topics, run, append=self.value("append"))
         self._raw = Subscriptions(self.context, True, self._write)
         for topic in topics:
             qos = LOOP_QOS if topic.deadline_s else PLAIN_QOS
@@ -80,12 +83,12 @@ class RecorderNode(NodeShell):
         """Whether nothing of the run is missing; on the wall clock a late tick may stay away for good."""
         return not self.missing() or (not self._lockstep and time.monotonic() - finished_s > REALTIME_PATIENCE_S)
 
-    def _write(self, messages: list[tuple[int, bytes]]) -> bool:
+    def _write(self, messages: list[Arrival]) -> bool:
         bag = self._bag
         if bag is None:
             return False
         now_ns = 0 if self._lockstep else time.time_ns()
-        for number, data in messages:
+        for number, data, _ in messages:
             if number == self._health_topic:
                 self._look_at_health(data)
                 bag.write(number, data, now_ns or self._last_ns, now_ns or self._last_ns)
@@ -110,11 +113,11 @@ class RecorderNode(NodeShell):
         """Which messages of the run are not in the bag: empty when every one is."""
         if self._bag is None or not self._ticks:
             return ""
-        wanted = range(len(self._names)) if self._lockstep else range(self._loop_topics)
+        wanted = [*range(self._loop_topics), *([self._health_topic + 1] if self._lockstep else [])]
         gaps = [
             f"{self._names[n]} {self._bag.counts[n]} of {self._ticks}"
             for n in wanted
-            if n != self._health_topic and self._bag.counts[n] != self._ticks
+            if self._bag.counts[n] != self._ticks
         ]
         return ", ".join(gaps)
 

@@ -12,7 +12,7 @@ from rclpy.parameter import Parameter as RosParameter
 
 from bringup.live_offset import LiveOffset
 from bringup.rest import rest_at
-from bringup.ros.node_shell import NodeShell, Parameter, run_node
+from bringup.ros.node_shell import MODE, RUN_START, NodeShell, Parameter, run_node
 from bringup.scenario import Air, References, targets_within
 from bringup.topics import SCENARIO
 from bringup.units import KPA
@@ -59,9 +59,13 @@ OFFSETS = (
 )
 PARAMETERS = (
     Parameter("scenario", "nominal", "name of a built-in scenario, path of a scenario file, or a scenario as JSON"),
+    MODE,
+    RUN_START,
     Parameter("ramp_s", 0.0, "how long a live change takes, in a straight line; 0: a step", 0.0, 86400.0, live=True),
     *OFFSETS,
 )
+#: How long the references go on by themselves when the plant's messages stay away, s.
+HOLD_S = 0.3
 
 
 class ScenarioNode(NodeShell):
@@ -83,10 +87,16 @@ class ScenarioNode(NodeShell):
         # Plain floats: a row is sent number by number.
         self._rows = list(zip(plan.reference.tolist(), plan.air.tolist(), plan.faults.tolist(), strict=True))
         self._tick_ns = scenario.tick_ns
-        self._start_ns: int | None = None
+        start_ns = self.value("run_start_ns")
+        self._start_ns: int | None = start_ns if start_ns >= 0 else None
         self._flow_percent = float(rest["inputs"][2]) / 100.0
         self._offsets = {parameter.name: LiveOffset(self.value(parameter.name)) for parameter in OFFSETS}
-        self.on_tick(("plant/evaporator_pressure",), self._play)
+        self.on_tick(("plant/evaporator_pressure",), self._play, holds_s={"plant/evaporator_pressure": HOLD_S})
+
+    @property
+    def sample_time_s(self) -> float:
+        """That of the scenario."""
+        return self._tick_ns / 1e9
 
     def _play(self, time_ns: int, _p_e: float) -> None:
         if self._start_ns is None:

@@ -26,6 +26,14 @@ FAULTS = ("compressor_speed", "evaporator_pressure")
 # Names of the nodes, as in `ros2 node list`.
 PLANT, INJECTOR, FDI, COMPENSATOR, CONTROLLER = "ac_plant", "fault_injector", "fdi", "compensator", "gimc_controller"
 SCENARIO, RECORDER = "scenario", "recorder"
+BRINGUP = "bringup"
+
+
+#: What the value of a joint can be [rad/s, 0..1, kg/s]: the compressor's 6000 rpm and a fault on top.
+JOINT_SPAN = {COMPRESSOR: (0.0, 750.0), VALVE: (0.0, 1.0), AIR: (0.0, 5.0)}
+#: What a pressure [Pa] and a temperature [degC, or K for a difference] of this loop can be at all.
+PRESSURE_SPAN = (1.0e3, 5.0e6)
+TEMPERATURE_SPAN = (-150.0, 200.0)
 
 
 @dataclass(frozen=True)
@@ -38,6 +46,14 @@ class Topic:
     subscribers: tuple[str, ...] = ()
     joints: tuple[str, ...] = ()  # of a JointState, in the order of the array
     frame: str = ""
+    is_difference: bool = False  # its values may have either sign
+
+    @property
+    def spans(self) -> tuple[tuple[float, float], ...]:
+        """Least and largest value that can be meant, for each of `series`: others are in another unit, or garbage."""
+        scalar = {PRESSURE: (PRESSURE_SPAN,), TEMPERATURE: (TEMPERATURE_SPAN,)}
+        spans = scalar.get(self.type, tuple(JOINT_SPAN[joint] for joint in self.joints))
+        return tuple((-high, high) for _, high in spans) if self.is_difference else spans
 
     @property
     def series(self) -> tuple[str, ...]:
@@ -62,22 +78,30 @@ TOPICS: tuple[Topic, ...] = (
     Topic("reference/superheat", TEMPERATURE, SCENARIO, (CONTROLLER,), frame="evaporator"),
     Topic("scenario/air", JOINTS, SCENARIO, (PLANT,), (AIR,)),
     Topic("scenario/air_inlet_temperature", TEMPERATURE, SCENARIO, (PLANT,), frame="evaporator_air"),
-    Topic("scenario/fault/compressor_speed", JOINTS, SCENARIO, (INJECTOR,), (COMPRESSOR,)),
-    Topic("scenario/fault/evaporator_pressure", PRESSURE, SCENARIO, (INJECTOR,), frame="evaporator"),
+    Topic("scenario/fault/compressor_speed", JOINTS, SCENARIO, (INJECTOR,), (COMPRESSOR,), is_difference=True),
+    Topic(
+        "scenario/fault/evaporator_pressure", PRESSURE, SCENARIO, (INJECTOR,), frame="evaporator", is_difference=True
+    ),
     Topic("controller/command", JOINTS, CONTROLLER, (INJECTOR, FDI), _ACTUATORS),
     Topic("actuator/command", JOINTS, INJECTOR, (PLANT,), _ACTUATORS),
-    Topic("fdi/innovation/evaporator_pressure", PRESSURE, FDI, (COMPENSATOR,), frame="evaporator"),
-    Topic("fdi/innovation/superheat", TEMPERATURE, FDI, (COMPENSATOR,), frame="evaporator"),
-    Topic("fdi/innovation/wall_temperature", TEMPERATURE, FDI, (COMPENSATOR,), frame="evaporator"),
-    Topic("fdi/residual/compressor_speed", JOINTS, FDI, (), (COMPRESSOR,)),
-    Topic("fdi/residual/evaporator_pressure", PRESSURE, FDI, (), frame="evaporator"),
+    Topic("fdi/innovation/evaporator_pressure", PRESSURE, FDI, (COMPENSATOR,), frame="evaporator", is_difference=True),
+    Topic("fdi/innovation/superheat", TEMPERATURE, FDI, (COMPENSATOR,), frame="evaporator", is_difference=True),
+    Topic("fdi/innovation/wall_temperature", TEMPERATURE, FDI, (COMPENSATOR,), frame="evaporator", is_difference=True),
+    Topic("fdi/residual/compressor_speed", JOINTS, FDI, (), (COMPRESSOR,), is_difference=True),
+    Topic("fdi/residual/evaporator_pressure", PRESSURE, FDI, (), frame="evaporator", is_difference=True),
     Topic("fdi/status", DIAGNOSTICS, FDI, (COMPENSATOR,)),
-    Topic("compensator/q", JOINTS, COMPENSATOR, (CONTROLLER,), _ACTUATORS),
-    Topic("fault/compressor_speed", JOINTS, INJECTOR, (), (COMPRESSOR,)),
-    Topic("fault/evaporator_pressure", PRESSURE, INJECTOR, (), frame="evaporator"),
+    Topic("compensator/q", JOINTS, COMPENSATOR, (CONTROLLER,), _ACTUATORS, is_difference=True),
+    Topic("fault/compressor_speed", JOINTS, INJECTOR, (), (COMPRESSOR,), is_difference=True),
+    Topic("fault/evaporator_pressure", PRESSURE, INJECTOR, (), frame="evaporator", is_difference=True),
 )
 
-BY_NAME = {topic.name: topic for topic in TOPICS}
+#: Topics that are silent while all is well. In no tick anyone waits for them.
+OCCASIONAL: tuple[Topic, ...] = (
+    # What the actuators hold while no command comes, without f_N: where a controller that comes back takes over.
+    Topic("actuator/setpoint", JOINTS, INJECTOR, (CONTROLLER, FDI), _ACTUATORS),
+)
+
+BY_NAME = {topic.name: topic for topic in (*TOPICS, *OCCASIONAL)}
 
 #: Keys of `Recording.series`, in the order of the table above.
 SERIES: tuple[str, ...] = tuple(key for topic in TOPICS for key in topic.series)

@@ -10,11 +10,13 @@ other one, too, when its residual is then more than the first fault could make i
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_lyapunov
 
 from bringup.topics import FAULTS
 from fdi_node.cache import Arrays
@@ -143,6 +145,11 @@ class _Isolated(NamedTuple):
     isolated_s: float
 
 
+_TIMES = ("_above_since", "_leads_since", "_own_since", "_below_since", "_onset_s", "_detected_s")
+_INPUT_SIZES = np.array([4.0, 0.01, 1.0, 1000.0, 1.0, 0.5])
+"""By how much the observer's inputs may be off in a run under way: rad/s, 0..1, K, Pa, K, K."""
+
+
 class FaultDetector:
     """State of the observer, the isolation filter and the decision.
 
@@ -174,6 +181,77 @@ class FaultDetector:
         self._onset_s = NOT
         self._detected_s = NOT
         self._isolated: list[_Isolated] = []
+
+    def memory(self) -> dict[str, Any]:
+        """What a detector that takes this one's place has to know, fit for JSON (nan included); between two ticks."""
+        return {
+            "_in": self._in.tolist(),
+            **{name: getattr(self, name) for name in _TIMES},
+            "_isolated": [[one.fault, one.onset_s, one.isolated_s] for one in self._isolated],
+        }
+
+    def remember(self, memory: Mapping[str, Any]) -> None:
+        """Take the place of the detector whose `memory` this is.
+
+        Raises
+        ------
+        ValueError
+            When it is none of a detector of this design.
+        """
+        try:
+            self._in[:] = memory["_in"]
+            for name in _TIMES:
+                setattr(self, name, memory[name])
+            self._isolated = [_Isolated(*one) for one in memory["_isolated"]]
+        except (KeyError, TypeError, ValueError) as problem:
+            msg = f"not the memory of such a detector: {type(problem).__name__} {problem}"
+            raise ValueError(msg) from None
+
+    def catch_up(self, measured: Vector, air_inlet_temperature_c: float, command: Vector, ticks: int) -> None:
+        """Go over ticks that were missed, as if all signals had moved from the last ones to these in straight lines.
+
+        Call it before `observe`, with that tick's measurements and the command before. The decision stands still.
+
+        Parameters
+        ----------
+        measured : ndarray, shape (3,)
+            Evaporator pressure [Pa], superheat [K], wall temperature [degC].
+        air_inlet_temperature_c : float
+        command : ndarray, shape (2,)
+            Compressor speed [rad/s], valve opening [0..1].
+        ticks : int
+            How many were missed.
+        """
+        design = self.design
+        n = len(design.a)
+        start, end = self._in[n : n + 6].copy(), self._now(measured, air_inlet_temperature_c, command)
+        for tick in range(1, ticks + 1):
+            inputs = start + (end - start) * (tick / (ticks + 1))
+            innovation = design.c @ self._observer - inputs[3:]
+            self._filter[:] = design.h_a @ self._filter + design.h_b @ innovation
+            self._observer[:] = design.a @ self._observer + design.b @ inputs
+
+    def join(self, measured: Vector, air_inlet_temperature_c: float, command: Vector) -> None:
+        """Join a run under way of which nothing is known but the present: with no innovation to begin with.
+
+        Of the states that explain the measurements it takes the one nearest to rest, by the covariance that the
+        observer's inputs give them; so a transient is not taken for a fault, and a fault looks as if it began now.
+        Parameters as in `catch_up`.
+        """
+        design = self.design
+        inputs = self._now(measured, air_inlet_temperature_c, command)
+        rest = np.linalg.solve(np.eye(len(design.a)) - design.a, design.b @ inputs)
+        driven = design.b * _INPUT_SIZES
+        covariance = solve_discrete_lyapunov(design.a, driven @ driven.T)
+        towards = covariance @ design.c.T
+        self._observer[:] = rest + towards @ np.linalg.solve(design.c @ towards, inputs[3:] - design.c @ rest)
+        self._filter[:] = 0.0
+
+    def _now(self, measured: Vector, air_inlet_temperature_c: float, command: Vector) -> Vector:
+        """The observer's inputs, in deviations."""
+        actual = np.concatenate([command, [air_inlet_temperature_c], measured])
+        now: Vector = actual - np.concatenate([self.design.input_rest, self.design.output_rest])
+        return now
 
     def observe(self, time_s: float, measured: Vector, air_inlet_temperature_c: float) -> Detection:
         """Innovation, residual and decision of this tick.

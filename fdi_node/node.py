@@ -1,5 +1,10 @@
-"""Node `fdi`: the innovation f_e, the residuals and the decision which fault is there."""
+"""Node `fdi`: the innovation f_e, the residuals and the decision which fault is there.
 
+On the wall clock it goes over ticks that it missed as if the signals had moved in straight lines, and after a crash
+takes up its predecessor's memory.
+"""
+
+import math
 import sys
 
 import numpy as np
@@ -8,7 +13,11 @@ from bringup.recording import StatusRow
 from bringup.ros.node_shell import (
     DESIGN_COPY,
     DESIGN_FILE,
+    MEMORY_AGE_S,
+    MEMORY_FILE,
+    MODE,
     OPERATING_POINT,
+    RUN_START,
     SAMPLE_TIME,
     SUPERHEAT_SENSOR,
     NodeShell,
@@ -18,8 +27,20 @@ from bringup.ros.node_shell import (
 from bringup.topics import FDI
 
 SENSORS = Parameter("sensors", 3, "3: p_e, superheat and wall thermocouple; 2: without the thermocouple", low=2, high=3)
-PARAMETERS = (OPERATING_POINT, SAMPLE_TIME, SENSORS, SUPERHEAT_SENSOR, DESIGN_FILE, DESIGN_COPY)
+PARAMETERS = (
+    OPERATING_POINT,
+    SAMPLE_TIME,
+    MODE,
+    RUN_START,
+    MEMORY_FILE,
+    SENSORS,
+    SUPERHEAT_SENSOR,
+    DESIGN_FILE,
+    DESIGN_COPY,
+)
 MEASURED = ("measured/evaporator_pressure", "measured/superheat", "measured/wall_temperature")
+#: How long the last measurement stands in for a missing one, s.
+HOLD_S = 0.3
 
 
 class FdiNode(NodeShell):
@@ -35,17 +56,29 @@ class FdiNode(NodeShell):
         self._detector = FaultDetector(
             self.design(FdiDesign, sensors=self.value("sensors"), superheat=self.value("superheat_sensor"))
         )
-        self._start_ns: int | None = None
+        start_ns = self.value("run_start_ns")
+        self._start_ns: int | None = start_ns if start_ns >= 0 else None
+        self._joins = start_ns >= 0
+        self._last_command: np.ndarray | None = None
         self._observed_ns = -1
         self._waits_for_command_of: int | None = None
         self._early: tuple[float, ...] | None = None
         self._ahead: tuple[int, float, float] | None = None
         self._overtaken = 0
-        self.on_tick((*MEASURED, "plant/air_inlet_temperature"), self._measured)
+        self.on_tick(
+            (*MEASURED, "plant/air_inlet_temperature"),
+            self._measured,
+            holds_s={**dict.fromkeys(MEASURED, HOLD_S), "plant/air_inlet_temperature": math.inf},
+            patience=0.3,
+        )
         self.on_tick(("controller/command",), self._commanded)
+        if self.is_realtime:
+            self.on_tick(("actuator/setpoint",), self._commanded)
 
     def _measured(self, time_ns: int, *values: float) -> None:
         """Observe; a measurement that overtook the command of the tick before waits for it."""
+        if self._joins and not self._join(time_ns, *values):
+            return
         if self._waits_for_command_of is None:
             self._observe(time_ns, *values)
             return
@@ -57,21 +90,52 @@ class FdiNode(NodeShell):
 
     def _commanded(self, time_ns: int, compressor_speed: float, valve_opening: float) -> None:
         """Close the tick; a command that overtook its own measurement, as a replay's may, waits for it."""
+        self._last_command = np.array([compressor_speed, valve_opening])
         if self._waits_for_command_of is None:
             if time_ns > self._observed_ns:
                 self._ahead = (time_ns, compressor_speed, valve_opening)
             return
         if time_ns < self._waits_for_command_of:
             return
-        self._detector.commanded(np.array([compressor_speed, valve_opening]))
+        self._detector.commanded(self._last_command)
+        self.keep(self._observed_ns, self._detector.memory)
         self._waits_for_command_of = None
         if self._early is not None:
             early, self._early = self._early, None
             self._observe(*early)  # type: ignore[arg-type]
 
+    def _join(self, time_ns: int, *values: float) -> bool:
+        """Begin in the middle of a run; False while there is no command yet."""
+        if self._last_command is None:
+            return False
+        now = (np.array(values[:3]), values[3], self._last_command)
+        memory = self.recollect(time_ns)
+        if memory is None:
+            self._detector.join(*now)
+        else:
+            self._detector.remember(memory)
+            self._detector.catch_up(*now, self.missed_ticks(memory["time_ns"], time_ns))
+        self._joins = False
+        return True
+
+    def _catch_up(self, time_ns: int, *values: float) -> None:
+        """Go over the ticks since the last one that was observed."""
+        missed = self.missed_ticks(self._observed_ns, time_ns)
+        if missed <= 0 or self._last_command is None:
+            return
+        now = (np.array(values[:3]), values[3], self._last_command)
+        if missed * self.sample_time_s < MEMORY_AGE_S:
+            self._detector.catch_up(*now, missed)
+        else:
+            self._detector.join(*now)
+
     def _observe(self, time_ns: int, *values: float) -> None:
         if self._start_ns is None:
             self._start_ns = time_ns
+        if self.is_realtime and self._observed_ns >= 0:
+            if self._waits_for_command_of is not None and self._last_command is not None:
+                self._detector.commanded(self._last_command)
+            self._catch_up(time_ns, *values)
         time_s = (time_ns - self._start_ns) / 1e9
         found = self._detector.observe(time_s, np.array(values[:3]), values[3])
         self._waits_for_command_of = self._observed_ns = time_ns

@@ -17,7 +17,9 @@ Both low-passes are of second order: what a fault brings in before it is isolate
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +68,9 @@ class CompensatorDesign:
         return cls(**matrices, **{name: float(arrays[name]) for name in names})  # type: ignore[arg-type]
 
 
+_ARRAYS = ("_state", "_innovation", "_first_lag", "_forgotten")
+
+
 class Compensator:
     """The filters' state, the fade, and the step.
 
@@ -92,6 +97,37 @@ class Compensator:
         self._correction = [0.0, 0.0, 0.0, 0.0]  # first lag, then second one
         self._share = float(accommodate)  # of q that is let through
         self._share_step = design.sample_time_s / design.fade_time_s
+
+    def memory(self) -> dict[str, Any]:
+        """What a compensator that takes this one's place has to know, fit for JSON; between two ticks."""
+        arrays = {name: getattr(self, name).tolist() for name in _ARRAYS}
+        return {**arrays, "_correction": self._correction, "_share": self._share}
+
+    def remember(self, memory: Mapping[str, Any]) -> None:
+        """Take the place of the compensator whose `memory` this is.
+
+        Raises
+        ------
+        ValueError
+            When it is none of a compensator of this design.
+        """
+        try:
+            for name in _ARRAYS:
+                getattr(self, name)[:] = memory[name]
+            self._correction[:] = [float(value) for value in memory["_correction"]]
+            self._share = float(memory["_share"])
+        except (KeyError, TypeError, ValueError) as problem:
+            msg = f"not the memory of such a compensator: {type(problem).__name__} {problem}"
+            raise ValueError(msg) from None
+
+    def catch_up(self, innovation: Vector, isolated: str | None, also_isolated: str | None, ticks: int) -> None:
+        """Go over missed ticks as if f_e had moved from the last one to this one in a straight line.
+
+        Call it before `step`, with that tick's innovation and isolation; `ticks` is how many were missed.
+        """
+        start = self._innovation.copy()
+        for tick in range(1, ticks + 1):
+            self.step(start + (innovation - start) * (tick / (ticks + 1)), isolated, also_isolated)
 
     def step(self, innovation: Vector, isolated: str | None, also_isolated: str | None = None) -> Vector:
         """Signal q of this tick.

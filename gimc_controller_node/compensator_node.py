@@ -10,7 +10,11 @@ from bringup.recording import StatusRow
 from bringup.ros.node_shell import (
     DESIGN_COPY,
     DESIGN_FILE,
+    MEMORY_AGE_S,
+    MEMORY_FILE,
+    MODE,
     OPERATING_POINT,
+    RUN_START,
     SAMPLE_TIME,
     SUPERHEAT_SENSOR,
     NodeShell,
@@ -22,10 +26,19 @@ from bringup.topics import COMPENSATOR
 PARAMETERS = (
     OPERATING_POINT,
     SAMPLE_TIME,
+    MODE,
+    RUN_START,
+    MEMORY_FILE,
     SUPERHEAT_SENSOR,
     DESIGN_FILE,
     DESIGN_COPY,
     Parameter("accommodate", True, "false leaves K0 alone: q fades to 0 whatever is isolated", live=True),
+)
+INPUTS = (
+    "fdi/innovation/evaporator_pressure",
+    "fdi/innovation/superheat",
+    "fdi/innovation/wall_temperature",
+    "fdi/status",
 )
 
 
@@ -44,19 +57,33 @@ class CompensatorNode(NodeShell):
             self.design(CompensatorDesign, superheat=self.value("superheat_sensor")),
             accommodate=self.value("accommodate"),
         )
+        self._joins = self.value("run_start_ns") >= 0
+        self._stepped_ns = -1
         self.on_tick(
-            (
-                "fdi/innovation/evaporator_pressure",
-                "fdi/innovation/superheat",
-                "fdi/innovation/wall_temperature",
-                "fdi/status",
-            ),
+            INPUTS,
             self._step,
+            holds_s=dict.fromkeys(INPUTS, self.sample_time_s),
         )
 
     def _step(self, time_ns: int, p_e: float, superheat: float, wall: float, status: StatusRow) -> None:
-        q = self._compensator.step(np.array([p_e, superheat, wall]), status.isolated, status.also_isolated)
+        innovation = np.array([p_e, superheat, wall])
+        if self.is_realtime:
+            self._catch_up(time_ns, innovation, status)
+        q = self._compensator.step(innovation, status.isolated, status.also_isolated)
         self.send(time_ns, "compensator/q", *q.tolist())
+        self.keep(time_ns, self._compensator.memory)
+
+    def _catch_up(self, time_ns: int, innovation: np.ndarray, status: StatusRow) -> None:
+        """Take up the memory of before a crash, and go over the ticks that were missed."""
+        memory = self.recollect(time_ns) if self._joins else None
+        if memory is not None:
+            self._compensator.remember(memory)
+            self._stepped_ns = memory["time_ns"]
+        self._joins = False
+        missed = self.missed_ticks(self._stepped_ns, time_ns) if self._stepped_ns >= 0 else 0
+        if 0 < missed * self.sample_time_s < MEMORY_AGE_S:
+            self._compensator.catch_up(innovation, status.isolated, status.also_isolated, missed)
+        self._stepped_ns = time_ns
 
     def _changed(self, parameters: Sequence[RosParameter]) -> None:
         """Fade the accommodation in or out while the node runs."""

@@ -1,17 +1,39 @@
-"""Node `gimc_controller`: the command from references, measurements and the compensator's q."""
+"""Node `gimc_controller`: the command from references, measurements and the compensator's q.
 
+On the wall clock every tick gets a command, whatever is missing: without q K0 alone, with measurements that stay away
+for longer than `MEASUREMENT_HOLD_S` the safe command. A controller that joins a run under way takes over from what the
+actuators do (`actuator/setpoint`).
+"""
+
+import math
 import sys
 
 import numpy as np
 
-from bringup.ros.node_shell import DESIGN_COPY, DESIGN_FILE, OPERATING_POINT, SAMPLE_TIME, NodeShell, run_node
+from bringup.ros.node_shell import (
+    DESIGN_COPY,
+    DESIGN_FILE,
+    MODE,
+    OPERATING_POINT,
+    RUN_START,
+    SAMPLE_TIME,
+    NodeShell,
+    run_node,
+)
 from bringup.topics import CONTROLLER
 
-PARAMETERS = (OPERATING_POINT, SAMPLE_TIME, DESIGN_FILE, DESIGN_COPY)
+PARAMETERS = (OPERATING_POINT, SAMPLE_TIME, MODE, RUN_START, DESIGN_FILE, DESIGN_COPY)
+
+#: How long the last measurement stands in for a missing one, s.
+MEASUREMENT_HOLD_S = 0.5
+#: How long a controller that joins a run waits to be told what the actuators do, s.
+SETPOINT_PATIENCE_S = 1.0
+#: Part of the sample time that the controller waits for what is missing: its command has some way to go yet.
+PATIENCE = 0.7
 
 
 class ControllerNode(NodeShell):
-    """Shell around `Controller`."""
+    """Shell around `Controller` and what it falls back to."""
 
     def __init__(self) -> None:
         super().__init__(CONTROLLER, PARAMETERS)
@@ -19,8 +41,12 @@ class ControllerNode(NodeShell):
     def configure(self) -> None:
         """Load the design of the operating point."""
         from gimc_controller_node import Controller, ControllerDesign
+        from gimc_controller_node.fallback import FallbackController
 
-        self._controller = Controller(self.design(ControllerDesign))
+        self._controller = FallbackController(Controller(self.design(ControllerDesign)))
+        self._setpoint: np.ndarray | None = None
+        self._joins = self.value("run_start_ns") >= 0
+        self._waited_s = 0.0
         self.on_tick(
             (
                 "reference/evaporator_pressure",
@@ -30,11 +56,46 @@ class ControllerNode(NodeShell):
                 "compensator/q",
             ),
             self._step,
+            holds_s={
+                "reference/evaporator_pressure": math.inf,
+                "reference/superheat": math.inf,
+                "measured/evaporator_pressure": MEASUREMENT_HOLD_S,
+                "measured/superheat": MEASUREMENT_HOLD_S,
+            },
+            optional=("compensator/q",),
+            patience=PATIENCE,
+            blind=self._blind,
         )
+        if self.is_realtime:
+            self.on_tick(("actuator/setpoint",), self._held)
 
     def _step(self, time_ns: int, *values: float) -> None:
-        command = self._controller.step(np.array(values[:2]), np.array(values[2:4]), np.array(values[4:]))
+        reference, measured = np.array(values[:2]), np.array(values[2:4])
+        if self._joins and not self._take_over(measured, reference):
+            return
+        q = None if values[4] is None else np.array(values[4:])
+        self._send(time_ns, self._controller.step(reference, measured, q))
+
+    def _blind(self, time_ns: int) -> None:
+        if not self._joins:
+            self._send(time_ns, self._controller.blind())
+
+    def _send(self, time_ns: int, command: np.ndarray) -> None:
+        self.enter(self._controller.mode, time_ns)
         self.send(time_ns, "controller/command", *command.tolist())
+
+    def _held(self, time_ns: int, *setpoint: float) -> None:  # noqa: ARG002
+        self._setpoint = np.array(setpoint)
+
+    def _take_over(self, measured: np.ndarray, reference: np.ndarray) -> bool:
+        """Begin from what the actuators do; False while that is not known."""
+        self._waited_s += self.sample_time_s
+        if self._setpoint is not None:
+            self._controller.resume(self._setpoint, measured, reference)
+        elif self._waited_s < SETPOINT_PATIENCE_S:
+            return False
+        self._joins = False
+        return True
 
 
 def main() -> int:

@@ -19,12 +19,12 @@ from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from bringup.bags.recorder import RUN_RECORD
+from bringup.bags.recorder import MENDED_RECORD, RUN_RECORD, bag_files
 from bringup.errors import BringupError, shortened
 from bringup.recording import Recording, StatusRow
 from bringup.ros.cdr import NANOSECONDS, columns, read_diagnostics, stamp_ns, stamps_ns, status_row
 from bringup.scenario import Scenario, check
-from bringup.topics import BY_NAME, DIAGNOSTICS, NAMESPACE, PLANT, Topic
+from bringup.topics import BRINGUP, BY_NAME, DIAGNOSTICS, NAMESPACE, OCCASIONAL, PLANT, Topic
 
 _SCHEMA, _CHANNEL, _MESSAGE = 0x03, 0x04, 0x05
 _RECORD = struct.Struct("<BQ")
@@ -34,6 +34,8 @@ LARGEST_RECORD = 2**30
 SHORTEST_MESSAGE = 12
 #: The topic with which the plant begins a tick.
 BEAT = "plant/evaporator_pressure"
+#: Messages of ticks after the run's last one are no damage within this time.
+AFTER_NS = 10 * NANOSECONDS
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 
 
@@ -143,21 +145,26 @@ def read_bag(bag: Path | str) -> Recording:
     sent = sum(len(raw.messages.get(f"{NAMESPACE}/{name}", [])) for name in BY_NAME)
     first = _first_stamp(messages)
     rows: dict[str, NDArray[np.int64]] = {}
+    after = 0  # on the wall clock nodes go on until they are stopped, a little after the plant
     for name, found in messages.items():
         row = np.rint((stamps_ns(found) - first) / tick_ns).astype(np.int64)
         within = (row >= 0) & (row < scenario.ticks)
         rows[name] = row[within]
+        after += int(np.count_nonzero((row >= scenario.ticks) & (row * tick_ns < scenario.ticks * tick_ns + AFTER_NS)))
         if not within.all():
             messages[name] = [data for data, keep in zip(found, within, strict=True) if keep]
     columns_of, status, kept = _decoded(messages, rows, first)
     ticks = max((int(found.max()) for found in rows.values() if len(found)), default=-1) + 1
     recording = Recording(time_s=np.arange(ticks) * tick_ns / 1e9, series={}, status=status)
     for name, topic in BY_NAME.items():
+        if topic in OCCASIONAL and not messages[name]:
+            continue
         for key, column in zip(topic.series, columns_of.get(name, ()), strict=True):
             recording.series[key] = np.full(ticks, math.nan)
             recording.series[key][rows[name]] = column
-    recording.metadata = {**run, "complete": raw.complete and ticks == run["ticks"], "unreadable": sent - kept}
+    recording.metadata = {**run, "complete": raw.complete and ticks == run["ticks"], "unreadable": sent - kept - after}
     recording.metadata.update(_timing(_last_health(raw, PLANT)))
+    recording.metadata["restarts"] = _restarts(_last_health(raw, BRINGUP))
     return recording
 
 
@@ -221,6 +228,14 @@ def _timing(health: dict[str, str]) -> dict[str, Any]:
         return {}
 
 
+def _restarts(health: dict[str, str]) -> list[dict[str, Any]]:
+    """Nodes that bringup had to start again, as its last report tells them."""
+    try:
+        return [dict(restart) for restart in json.loads(health["restarts"])]
+    except (KeyError, ValueError, TypeError):
+        return []
+
+
 def health_reports(raw: RawBag) -> Iterator[tuple[str, dict[str, str]]]:
     """All health reports in a bag: node name and figures, oldest first; what is no report is passed over."""
     for _, data in raw.messages.get("/diagnostics", []):
@@ -256,7 +271,7 @@ def _files(bag: Path) -> list[Path]:
     if bag.is_file():
         return [bag]
     for folder in (bag, bag / "bag"):
-        files = sorted(folder.glob("*.mcap"))
+        files = bag_files(folder)
         if files:
             return files
     msg = f"{bag}: no such bag" if not bag.exists() else f"{bag}: no bag in this folder (no .mcap file)"
@@ -298,6 +313,8 @@ def _read_file(reader: StreamReader, result: RawBag) -> None:
             channels.define(record)
         elif isinstance(record, Metadata) and record.name == RUN_RECORD:
             result.run = _run(record)
+        elif isinstance(record, Metadata) and record.name == MENDED_RECORD:
+            result.complete = False
         elif isinstance(record, Attachment):
             result.attachments[record.name] = record.data
 

@@ -16,10 +16,12 @@ from typing import Any, Literal
 
 import yaml
 
+from bringup.bags.recorder import mend
 from bringup.designs import DESIGNED
 from bringup.errors import BringupError, InterruptedRunError, RunError
 from bringup.ros.own_nodes import OwnNodes
 from bringup.ros.processes import Child, Domain, ros_environment, start, stop
+from bringup.ros.restarts import Restart
 from bringup.scenario import Scenario
 from bringup.software import software
 from bringup.topics import (
@@ -63,6 +65,7 @@ class GraphRun:
     missed_ticks: int
     latency_ms: tuple[float, float, float]  # measurement -> command: p50, p99, max
     domain: int
+    restarts: tuple[Restart, ...] = ()
 
 
 def run_graph(
@@ -126,7 +129,18 @@ def run_graph(
                 from bringup.ros.supervisor import Supervisor  # takes its time: meanwhile the nodes are starting, too
 
                 managed = {**children, **dict.fromkeys(own.by_hand)}
-                with Supervisor(managed, environment, own) as supervisor:
+
+                def revive(name: str, changed: dict[str, Any]) -> Child:
+                    again = {**parameters[name], **changed, "autostart": True}
+                    again |= {"append": True} if name == RECORDER else {}
+                    arguments = node_arguments(MODULES[name], name, again, out_dir / "log", own)
+                    program, *_ = own.commands.get(name, (sys.executable,))
+                    children[name] = start(name, arguments, out_dir / "log", environment, program, append=True)
+                    return children[name]
+
+                # In lockstep nothing may be lost: there a dead node is the end of the run.
+                reviving = revive if mode == "realtime" else None
+                with Supervisor(managed, environment, own, reviving) as supervisor:
                     supervisor.activate(ACTIVATION_ORDER)
                     start_seconds = time.monotonic() - called_s
                     supervisor.wait_until_done(scenario.ticks, progress)
@@ -140,10 +154,12 @@ def run_graph(
                         missed_ticks=int(health.get("missed_ticks", 0)),
                         latency_ms=_latencies(health),
                         domain=domain.number,
+                        restarts=tuple(supervisor.restarts),
                     )
             finally:
                 stop([child for name, child in children.items() if name != RECORDER])
                 stop([child for name, child in children.items() if name == RECORDER])
+                mend(out_dir / "bag")
             recorder = children[RECORDER]
             if recorder.process.returncode != 0:
                 msg = f"node {RECORDER} failed at the end: {recorder.last_words()} (log: {recorder.log})"
@@ -164,6 +180,7 @@ def node_parameters(scenario: Scenario, out_dir: Path, mode: Mode, passive: bool
     """Parameters of every node for this run."""
     design = {"operating_point": scenario.operating_point, "sample_time_s": scenario.sample_time_s}
     superheat = {"superheat_sensor": scenario.superheat_sensor}
+    clock = {"mode": mode}
     content = scenario.model_dump(mode="json")
     run = {
         "scenario": content,
@@ -177,23 +194,32 @@ def node_parameters(scenario: Scenario, out_dir: Path, mode: Mode, passive: bool
     }
     log = (out_dir / "log").resolve()
     copies = {node: {"design_copy": str(log / f"{node}.npz")} for node in DESIGNED}
+    memories = {node: {"memory_file": str(log / f"{node}.memory")} for node in (FDI, COMPENSATOR)}
     # On the wall clock the loop comes before whatever else the machine does, where the system lets it; recording waits.
     priority = {"priority": REALTIME_PRIORITY} if mode == "realtime" else {}
     parameters: dict[str, dict[str, Any]] = {
-        PLANT: {**design, "mode": mode, "ticks": scenario.ticks},
+        PLANT: {**design, **clock, "ticks": scenario.ticks},
         INJECTOR: {
-            "sample_time_s": scenario.sample_time_s,
+            **design,
+            **clock,
             "noise_std": [float(std) for std in scenario.noise.std],
             "seed": scenario.noise.seed,
             **superheat,
         },
-        FDI: {**design, **copies[FDI], "sensors": scenario.sensors, **superheat},
-        COMPENSATOR: {**design, **copies[COMPENSATOR], **superheat, "accommodate": not passive},
-        CONTROLLER: {**design, **copies[CONTROLLER]},
-        SCENARIO: {"scenario": json.dumps(content)},
+        FDI: {**design, **clock, **memories[FDI], **copies[FDI], "sensors": scenario.sensors, **superheat},
+        COMPENSATOR: {
+            **design,
+            **clock,
+            **memories[COMPENSATOR],
+            **copies[COMPENSATOR],
+            **superheat,
+            "accommodate": not passive,
+        },
+        CONTROLLER: {**design, **clock, **copies[CONTROLLER]},
+        SCENARIO: {"scenario": json.dumps(content), **clock},
     }
     parameters = {name: {**own, **priority} for name, own in parameters.items()}
-    told_elsewhere = ("scenario", "design_copy")
+    told_elsewhere = ("scenario", "design_copy", "memory_file")
     run["parameters"] = {
         name: {key: value for key, value in own.items() if key not in told_elsewhere}
         for name, own in parameters.items()
@@ -211,10 +237,10 @@ def node_parameters(scenario: Scenario, out_dir: Path, mode: Mode, passive: bool
 def node_arguments(
     module: str, name: str, parameters: Mapping[str, Any], folder: Path, own: OwnNodes | None = None
 ) -> list[str]:
-    """Arguments that start a node under bringup's management, its parameters in a file in `folder`."""
+    """Arguments that start a node, its parameters in a file in `folder`; bringup manages it unless these differ."""
     own = own or OwnNodes()
     file = folder / f"{name}.yaml"
-    content = {"/**": {"ros__parameters": {**parameters, "autostart": False}}}
+    content = {"/**": {"ros__parameters": {"autostart": False, **parameters}}}
     file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
     files = ["--params-file", str(parameter_file(module)), "--params-file", str(file)]
     if own.params_file is not None:
@@ -239,7 +265,7 @@ def parameter_file(module: str) -> Path:
 def _prepare(out_dir: Path) -> None:
     """Make the folders; a bag and logs of an earlier run make room."""
     try:
-        for part, patterns in (("bag", ("*.mcap", "metadata.yaml")), ("log", ("*.log", "*.yaml", "*.npz"))):
+        for part, patterns in (("bag", ("*.mcap", "metadata.yaml")), ("log", ("*.log", "*.yaml", "*.npz", "*.memory"))):
             folder = out_dir / part
             folder.mkdir(parents=True, exist_ok=True)
             for pattern in patterns:

@@ -1,7 +1,8 @@
-"""A node's inputs: messages are collected by stamp, and the node acts when all of one tick are there."""
+"""A node's inputs: messages are taken, checked, collected by stamp, and the node acts tick by tick (`ticks`)."""
 
+import math
+import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
@@ -10,43 +11,11 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.signals import SignalHandlerGuardCondition
 from rclpy.subscription import Subscription
 
-from bringup.ros.messages import BadMessage, Values, reader, stamp_ns
-from bringup.topics import Topic
+from bringup.ros.messages import BadMessage, reader, stamp_ns
+from bringup.ros.ticks import TickSet, Timeline, Values, WallClockSet, Writer
 
-#: Stamps that wait for their last message; more than this are garbage from a foreign publisher.
-MOST_WAITING = 64
-
-
-@dataclass
-class TickSet:
-    """Messages of several topics that belong together when they carry the same stamp.
-
-    A complete set newer than the last one is handed on; what is older by then never will be and is dropped.
-    """
-
-    topics: tuple[Topic, ...]
-    act: Callable[..., None]  # (stamp in ns, the values of all topics in their order)
-    last_ns: int = -1
-    _waiting: dict[int, dict[str, Values]] = field(default_factory=dict)
-
-    def add(self, topic: str, time_ns: int, values: Values) -> tuple[Any, ...] | None:
-        """Add one message; the arguments for `act` when it completes its set, else None."""
-        if time_ns <= self.last_ns:
-            return None
-        got = self._waiting.setdefault(time_ns, {})
-        got[topic] = values
-        if len(got) < len(self.topics):
-            if len(self._waiting) > MOST_WAITING:
-                del self._waiting[min(self._waiting)]
-            return None
-        self.last_ns = time_ns
-        self._waiting = {stamp: rest for stamp, rest in self._waiting.items() if stamp > time_ns}
-        return (time_ns, *(value for topic_ in self.topics for value in got[topic_.name]))
-
-    def clear(self) -> None:
-        """Forget everything, as before the first tick."""
-        self.last_ns = -1
-        self._waiting.clear()
+#: Number of the subscription, message, and the publisher's own number of it (None where the middleware has none).
+Arrival = tuple[int, Any, int | None]
 
 
 class Gate(CallbackGroup):  # type: ignore[misc]
@@ -73,10 +42,10 @@ class Subscriptions:
 
     The executor makes a task for every message and rebuilds a wait set with all services, timers and events twice for
     each, which costs more than all of the loop's mathematics. Here the wait set holds these subscriptions and nothing
-    else, and one wake takes whatever has arrived: `act` gets it as a list of (number, message).
+    else, and one wake takes whatever has arrived: `act` gets it as a list of `Arrival`.
     """
 
-    def __init__(self, context: Context, raw: bool, act: Callable[[list[tuple[int, Any]]], bool]) -> None:
+    def __init__(self, context: Context, raw: bool, act: Callable[[list[Arrival]], bool]) -> None:
         self._context = context
         self._raw = raw
         self._act = act
@@ -110,46 +79,79 @@ class Subscriptions:
         messages = self.arrived()
         return self._act(messages) if messages else False
 
-    def arrived(self) -> list[tuple[int, Any]]:
-        """All messages that are there, each with the number of its subscription."""
-        messages = []
+    def arrived(self) -> list[Arrival]:
+        """All messages that are there."""
+        messages: list[Arrival] = []
         raw = self._raw
         for number, handle, type_ in self._sources:
             while (taken := handle.take_message(type_, raw)) is not None:
-                messages.append((number, taken[0]))
+                messages.append((number, taken[0], taken[1]["publication_sequence_number"]))
         return messages
 
 
 class LoopInputs:
-    """Reads a node's messages, collects them into ticks and lets the node act on each complete one."""
+    """Reads a node's messages, collects them into ticks and lets the node act on each complete one.
 
-    def __init__(self, rejected: Callable[[BadMessage], None]) -> None:
+    Parameters
+    ----------
+    rejected
+        Told of each message that must not be acted upon: its topic, a word for the reason, and what is wrong with it.
+    timeline
+        For a node on the wall clock; None in lockstep.
+    """
+
+    def __init__(self, rejected: Callable[[str, str, str], None], timeline: Timeline | None = None) -> None:
         self._rejected = rejected
-        self._readers: list[tuple[TickSet, str, Callable[[Any], Values]]] = []
-        self._sets: list[TickSet] = []
+        self.timeline = timeline
+        self._generation = timeline.generation if timeline else 0
+        self._readers: list[tuple[TickSet | WallClockSet, str, Callable[[Any], Values], Writer]] = []
+        self._sets: list[TickSet | WallClockSet] = []
+        self._clocked: list[WallClockSet] = []
 
-    def add(self, tick_set: TickSet) -> None:
+    def add(self, tick_set: TickSet | WallClockSet) -> None:
         """Expect the topics of `tick_set` under the next numbers, in their order."""
         self._sets.append(tick_set)
-        self._readers += [(tick_set, topic.name, reader(topic)) for topic in tick_set.topics]
+        if isinstance(tick_set, WallClockSet):
+            self._clocked.append(tick_set)
+        self._readers += [(tick_set, topic.name, reader(topic), Writer()) for topic in tick_set.topics]
 
     def clear(self) -> None:
-        """Forget incomplete sets."""
+        """Forget incomplete sets, and when the last tick was."""
         for tick_set in self._sets:
             tick_set.clear()
+        if self.timeline is not None:
+            self.timeline.clear()
+            self._generation = self.timeline.generation
 
-    def take(self, messages: list[tuple[int, Any]]) -> bool:
-        """Act on the ticks that `messages` complete, in order of time; whether a tick is over for this node."""
+    def take(self, messages: list[Arrival]) -> bool:
+        """Act on the ticks that `messages` complete, in order of time; whether a tick is over for this node.
+
+        On the wall clock only the newest tick of each set is acted upon.
+        """
         complete = []
-        for number, message in messages:
-            tick_set, name, read = self._readers[number]
-            try:
-                done = tick_set.add(name, stamp_ns(message), read(message))
-            except BadMessage as problem:
-                self._rejected(problem)
+        now_ns = time.monotonic_ns()
+        for number, message, sequence in messages:
+            tick_set, name, read, writer = self._readers[number]
+            if not writer.owns(sequence, now_ns):
+                self._rejected(name, "stranger", f"message {sequence} of a second publisher")
                 continue
+            try:
+                values = read(message)
+            except BadMessage as problem:
+                self._rejected(name, problem.reason, str(problem))
+                continue
+            stamp = stamp_ns(message)
+            if self.timeline is not None and (reason := self.timeline.refuse(stamp, now_ns)):
+                self._rejected(name, reason, f"{name}: stamp {stamp / 1e9:.3f} s: {reason}")
+                continue
+            if self.timeline is not None and self.timeline.generation != self._generation:
+                self._rebase()
+            done = tick_set.add(name, stamp, values)
             if done is not None:
                 complete.append((done[0], tick_set, done))
+        if self._clocked and len(complete) > len(self._sets):
+            newest = {id(tick_set): done for done in complete for tick_set in [done[1]]}
+            complete = [done for done in complete if newest[id(done[1])] is done]
         if len(complete) > 1:
             complete.sort(key=_time)  # stable: within a tick in the order the node asked for
         over = False
@@ -158,6 +160,35 @@ class LoopInputs:
             over = over or tick_set is self._sets[-1]
         return over
 
+    def due_s(self) -> float:
+        """When the next tick is due although something is missing (monotonic clock); never in lockstep."""
+        dues = [due for tick_set in self._clocked if (due := tick_set.due_ns()) is not None]
+        return min(dues) / 1e9 if dues else math.inf
 
-def _time(complete: tuple[int, TickSet, tuple[Any, ...]]) -> int:
+    def act_on_due(self) -> None:
+        """Act on what is due by now."""
+        now_ns = time.monotonic_ns()
+        for tick_set in self._clocked:
+            arguments = tick_set.overdue(now_ns)
+            if arguments is not None:
+                tick_set.act(*arguments)
+
+    def counts(self) -> dict[str, int]:
+        """How often the wall clock had to go on without a message, by topic, and what came too late or twice."""
+        found: dict[str, int] = {}
+        for tick_set in self._clocked:
+            for key in ("late", "duplicates", "skipped"):
+                name = {"late": "late_inputs", "duplicates": "duplicate_inputs", "skipped": "skipped_ticks"}[key]
+                found[name] = found.get(name, 0) + getattr(tick_set, key)
+            found.update({f"missing/{topic}": n for topic, n in tick_set.held.items() if n})
+        return found
+
+    def _rebase(self) -> None:
+        assert self.timeline is not None
+        self._generation = self.timeline.generation
+        for tick_set in self._clocked:
+            tick_set.clear()
+
+
+def _time(complete: tuple[int, Any, tuple[Any, ...]]) -> int:
     return complete[0]

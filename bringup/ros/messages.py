@@ -12,7 +12,11 @@ Values = tuple[Any, ...]
 
 
 class BadMessage(ValueError):  # noqa: N818  (reads as what it is: a message, and a bad one)
-    """A message that a node must not act on; the text says what is wrong with it."""
+    """A message that a node must not act on; the text says what is wrong with it, `reason` in a word."""
+
+    def __init__(self, text: str, reason: str = "malformed") -> None:
+        super().__init__(text)
+        self.reason = reason
 
 
 def message_class(type_name: str) -> Any:
@@ -29,28 +33,49 @@ def stamp_ns(message: Any) -> int:
 
 def reader(topic: Topic) -> Callable[[Any], Values]:
     """Return the function that turns a message of `topic` into its values and raises `BadMessage` for a bad one."""
-    if topic.type == PRESSURE:
-        return lambda message: (_finite(message.fluid_pressure, topic.name),)
-    if topic.type == TEMPERATURE:
-        return lambda message: (_finite(message.temperature, topic.name),)
     if topic.type == DIAGNOSTICS:
         return _read_status
+    spans = topic.spans
+    if topic.type in (PRESSURE, TEMPERATURE):
+        ((low, high),) = spans
+        field, unit = ("fluid_pressure", "Pa") if topic.type == PRESSURE else ("temperature", "degC or K")
+
+        def read_scalar(message: Any) -> Values:
+            value = getattr(message, field)
+            if not low <= value <= high:
+                raise _bad(value, topic.name, low, high, unit)
+            return (value,)
+
+        return read_scalar
     if topic.type == JOINTS:
         names = list(topic.joints)
-        slots = [(JOINT_FIELD[joint], i, f"{topic.name}:{joint}") for i, joint in enumerate(names)]
+        count = len(names)
+        slots = [(JOINT_FIELD[joint], i, f"{topic.name}:{joint}", *spans[i]) for i, joint in enumerate(names)]
 
         def read_joints(message: Any) -> Values:
             if message.name != names:
                 msg = f"{topic.name}: joints {list(message.name)}, expected {names}"
-                raise BadMessage(msg)
-            try:
-                return tuple([_finite(getattr(message, field)[i], key) for field, i, key in slots])
-            except IndexError:
-                msg = f"{topic.name}: fewer values than joints"
-                raise BadMessage(msg) from None
+                raise BadMessage(msg, "names")
+            values = []
+            for field, i, key, low, high in slots:
+                column = getattr(message, field)
+                if len(column) != count:
+                    msg = f"{topic.name}: {len(column)} values of {field} for {count} joints"
+                    raise BadMessage(msg, "length")
+                value = column[i]
+                if not low <= value <= high:
+                    raise _bad(value, key, low, high, "rad/s, 0..1 or kg/s")
+                values.append(value)
+            return tuple(values)
 
         return read_joints
     raise AssertionError(topic)
+
+
+def _bad(value: float, where: str, low: float, high: float, unit: str) -> BadMessage:
+    if not math.isfinite(value):
+        return BadMessage(f"{where}: {value} is not a finite number", "not finite")
+    return BadMessage(f"{where}: {value:g} is outside {low:g} to {high:g} {unit}: another unit?", "out of range")
 
 
 def _read_status(message: Any) -> Values:
@@ -62,10 +87,3 @@ def _read_status(message: Any) -> Values:
         return (status_row(values, stamp_ns(message) / NANOSECONDS),)
     except ValueError as problem:
         raise BadMessage(str(problem)) from None
-
-
-def _finite(value: float, where: str) -> float:
-    if not math.isfinite(value):
-        msg = f"{where}: {value} is not a finite number"
-        raise BadMessage(msg)
-    return value

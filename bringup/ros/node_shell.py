@@ -6,12 +6,14 @@ says with `on_tick` which topics make up a tick's input and what to do then.
 
 import ctypes
 import gc
+import json
 import math
 import os
 import sys
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,10 +37,11 @@ from rclpy.subscription import Subscription
 
 from bringup.ros.arguments import ArgumentError, init
 from bringup.ros.cdr import Packer, packer
-from bringup.ros.inputs import Gate, LoopInputs, Subscriptions, TickSet
-from bringup.ros.messages import BadMessage, message_class
+from bringup.ros.inputs import Gate, LoopInputs, Subscriptions
+from bringup.ros.messages import message_class
 from bringup.ros.processes import end_with_parent
-from bringup.topics import BY_NAME, TOPICS, Topic
+from bringup.ros.ticks import TickSet, Timeline, WallClockSet
+from bringup.topics import BY_NAME, OCCASIONAL, TOPICS, Topic
 
 #: How far behind a subscriber (the recorder above all) may fall before a message is lost, in ticks.
 DEPTH = 1000
@@ -106,6 +109,13 @@ PRIORITY = Parameter(
 )
 MODE = Parameter("mode", "lockstep", "what a tick waits for: loop or wall clock", choices=("lockstep", "realtime"))
 SAMPLE_TIME = Parameter("sample_time_s", 0.1, "sample time of the loop, s", low=0.01, high=0.1)
+RUN_START = Parameter(
+    "run_start_ns",
+    -1,
+    "stamp of the run's first tick, for a node that joins a run under way; -1: the first tick it sees",
+    low=-1,
+    high=2**63 - 1,
+)
 SUPERHEAT_SENSOR = Parameter(
     "superheat_sensor",
     "direct",
@@ -113,6 +123,14 @@ SUPERHEAT_SENSOR = Parameter(
     choices=("direct", "derived"),
 )
 
+
+MEMORY_FILE = Parameter(
+    "memory_file",
+    "",
+    "realtime: file in which the node keeps what it would have to know after a crash; empty: none",
+)
+#: How often it is written, and how old it may be, s.
+MEMORY_PERIOD_S, MEMORY_AGE_S = 0.5, 30.0
 
 DESIGN_FILE = Parameter("design_file", "", "file with a design of your own (.npz); empty: that of the operating point")
 
@@ -124,8 +142,10 @@ class Health:
 
     def __init__(self) -> None:
         self.ticks = 0
-        self.rejected = 0
+        self.rejected: Counter[str] = Counter()  # by reason
         self.last_rejected = ""
+        self.mode = ""  # what the node does other than usual
+        self._announced: list[tuple[float, str]] = []
         self._latencies_s: list[float] = []
         self._last_input_s = math.nan
         self._reported = (time.monotonic(), 0)
@@ -136,20 +156,28 @@ class Health:
         self._last_input_s = started_s
         self._latencies_s.append(time.monotonic() - started_s)
 
+    def announce(self, time_s: float, text: str) -> None:
+        """Have a change of what the node does (at a tick's time) in the next report."""
+        self._announced.append((time_s, text))
+
     def report(self) -> dict[str, str]:
         """Figures since the last call."""
         now = time.monotonic()
         since, ticks = self._reported
         self._reported = (now, self.ticks)
         latencies, self._latencies_s = sorted(self._latencies_s), []
+        announced, self._announced = self._announced, []
         return {
             "ticks": str(self.ticks),
             "rate_hz": f"{(self.ticks - ticks) / max(now - since, 1e-9):.1f}",
             "latency_p50_ms": f"{1e3 * latencies[len(latencies) // 2]:.3f}" if latencies else "nan",
             "latency_max_ms": f"{1e3 * latencies[-1]:.3f}" if latencies else "nan",
             "input_age_s": f"{now - self._last_input_s:.3f}",
-            "rejected_inputs": str(self.rejected),
+            "rejected_inputs": str(self.rejected.total()),
             "last_rejected": self.last_rejected,
+            **{f"rejected/{reason}": str(n) for reason, n in sorted(self.rejected.items())},
+            "mode": self.mode,
+            "announced": json.dumps(announced),
         }
 
 
@@ -167,10 +195,12 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         for parameter in self._parameters_.values():
             self.declare_parameter(parameter.name, parameter.default, parameter.descriptor())
         self._setup = Gate(is_open=True)  # events that matter until the loop runs
+        self._memory_file = ""
+        self._kept_ns = 0
         self.running = False
+        self.is_realtime = False  # whether this node's ticks are the wall clock's
         self.deadline_s = math.inf  # monotonic time at which `on_deadline` is due
-        self.inputs = LoopInputs(self._reject)
-        self.loop_subscriptions = Subscriptions(self.context, False, self.inputs.take)
+        self._new_inputs()
         self._senders: dict[str, tuple[Publisher, Packer]] = {}
         self._subscribed: list[Subscription] = []
         self._diagnostics = self._publisher(DiagnosticArray, "/diagnostics", PLAIN_QOS)
@@ -201,11 +231,17 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
             if self.deadline_s - now < DEADLINE_MARGIN_S:
                 sleep_until(self.deadline_s)
                 self.on_deadline()
-            tick_is_over = self.loop_subscriptions.wait(min(latest_s, self.deadline_s - DEADLINE_MARGIN_S) - now)
+            tick_due_s = self.inputs.due_s()
+            if tick_due_s <= now:
+                self.loop_subscriptions.take()  # what has come meanwhile comes first
+                self.inputs.act_on_due()
+                tick_due_s = self.inputs.due_s()
+            until_s = min(latest_s, self.deadline_s - DEADLINE_MARGIN_S, tick_due_s)
+            tick_is_over = self.loop_subscriptions.wait(until_s - now)
             # Between its part in this tick and the next one a node holds nobody up.
             if tick_is_over and time.monotonic() >= due_s:
                 break
-        if self.deadline_s - time.monotonic() > OTHERS_TAKE_S:
+        if min(self.deadline_s, self.inputs.due_s()) - time.monotonic() > OTHERS_TAKE_S:
             executor.spin_once(timeout_sec=0.0)
 
     def health_values(self) -> dict[str, str]:
@@ -229,12 +265,87 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
             Path(self.value("design_copy")).write_bytes(to_bytes(design))
         return design
 
-    def on_tick(self, topics: Sequence[str], act: Callable[..., None]) -> None:
-        """Call ``act(stamp_ns, values...)`` for each tick of which all of `topics` have arrived."""
-        tick_set = TickSet(tuple(BY_NAME[name] for name in topics), self._timed(act))
+    @property
+    def sample_time_s(self) -> float:
+        """Sample time of the loop."""
+        return float(self.value("sample_time_s"))
+
+    def on_tick(
+        self,
+        topics: Sequence[str],
+        act: Callable[..., None],
+        *,
+        holds_s: Mapping[str, float] | None = None,
+        optional: tuple[str, ...] = (),
+        patience: float = 0.5,
+        blind: Callable[[int], None] | None = None,
+    ) -> None:
+        """Call ``act(stamp_ns, values...)`` for each tick of which all of `topics` have arrived.
+
+        On the wall clock a tick does not wait for ever: see `WallClockSet` for `optional` and `blind`.
+
+        Parameters
+        ----------
+        topics, act
+            See above.
+        holds_s
+            How long the newest value of a topic may stand in for a missing one; `math.inf`: for ever.
+        optional
+            Topics whose values may be None.
+        patience
+            Part of the sample time after which a tick goes on without what is missing.
+        blind
+            Called with the stamp of a tick that lacks something else.
+        """
+        described = tuple(BY_NAME[name] for name in topics)
+        tick_set: TickSet | WallClockSet = TickSet(described, self._timed(act))
+        if self.is_realtime:
+            period_ns = round(self.sample_time_s * 1e9)
+            if self.inputs.timeline is None:
+                self.inputs.timeline = Timeline(period_ns)
+            holds = {
+                name: None if math.isinf(hold_s) else math.ceil(hold_s * 1e9 / period_ns)
+                for name, hold_s in (holds_s or {}).items()
+            }
+            timed, patience_ns = self._timed(act), int(patience * period_ns)
+            tick_set = WallClockSet(described, timed, self.inputs.timeline, patience_ns, holds, optional, blind)
         self.inputs.add(tick_set)
         for topic in tick_set.topics:
-            self.loop_subscriptions.add(self.subscribe(topic.type, topic.name, LOOP_QOS))
+            self.loop_subscriptions.add(self.subscribe(topic.type, topic.name, qos_of(topic)))
+
+    def enter(self, mode: str, time_ns: int) -> None:
+        """Announce that the node does something else from this tick on; empty: all is as usual again."""
+        if mode == self.health.mode:
+            return
+        self.health.announce(time_ns / 1e9, mode or "as usual again")
+        print(f"{self.get_name()}: {time_ns / 1e9:.3f} s: {mode or 'as usual again'}", file=sys.stderr, flush=True)
+        self.health.mode = mode
+        self.soon(self.report_health)
+
+    def keep(self, time_ns: int, memory: Callable[[], Mapping[str, Any]]) -> None:
+        """Write `memory` of this tick to the memory file, when it is time to."""
+        if not self._memory_file or time_ns - self._kept_ns < MEMORY_PERIOD_S * 1e9:
+            return
+        self._kept_ns = time_ns
+        new = Path(f"{self._memory_file}.new")
+        try:
+            new.write_text(json.dumps({"time_ns": time_ns, **memory()}), encoding="utf-8")
+            new.replace(self._memory_file)
+        except OSError as problem:  # a full disk must not end the loop: a successor would just know less
+            self.health.last_rejected = f"memory_file: {problem.strerror}"
+
+    def recollect(self, time_ns: int) -> dict[str, Any] | None:
+        """What this node knew before it crashed, with the `time_ns` of then; None when there is nothing recent."""
+        try:
+            memory = json.loads(Path(self._memory_file).read_text(encoding="utf-8"))
+            age_ns = time_ns - memory["time_ns"]
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+        return memory if 0 < age_ns < MEMORY_AGE_S * 1e9 else None
+
+    def missed_ticks(self, since_ns: int, time_ns: int) -> int:
+        """How many ticks lie between two."""
+        return round((time_ns - since_ns) / 1e9 / self.sample_time_s) - 1
 
     def subscribe(self, type_name: str, name: str, qos: QoSProfile, raw: bool = False) -> Subscription:
         """Create a subscription that the executor leaves alone, for `Subscriptions` to take from."""
@@ -253,7 +364,7 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         """Create the publisher of a topic, once; `name` where it differs from the topic's own."""
         if topic.name in self._senders:
             return
-        qos = LOOP_QOS if name is None else PLAIN_QOS
+        qos = qos_of(topic) if name is None else PLAIN_QOS
         publisher = self._publisher(message_class(topic.type), name or topic.name, qos)
         self._senders[topic.name] = (publisher, packer(topic))
 
@@ -290,15 +401,21 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         return inherited(state)
 
     def _create(self) -> None:
-        for topic in TOPICS:
+        for topic in (*TOPICS, *OCCASIONAL):
             if topic.publisher == self.get_name():
                 self.add_output(topic)
+        self.is_realtime = "mode" in self._parameters_ and self.value("mode") == "realtime"
+        self._memory_file = self.value("memory_file") if self.is_realtime and "memory_file" in self._parameters_ else ""
+        self._kept_ns = 0
         self.configure()
         self.soon(self.report_health)
 
-    def _forget(self) -> None:
+    def _new_inputs(self) -> None:
         self.inputs = LoopInputs(self._reject)
         self.loop_subscriptions = Subscriptions(self.context, False, self.inputs.take)
+
+    def _forget(self) -> None:
+        self._new_inputs()
         while self._subscribed:
             self.destroy_subscription(self._subscribed.pop())
         self.soon(self.report_health)
@@ -341,23 +458,29 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         gc.collect(1)
         values = {"state": self.state, "scheduling": self._scheduled, **self.health.report(), **self.health_values()}
         values["subscriptions"] = str(len(self.loop_subscriptions))
+        values |= {key: str(count) for key, count in self.inputs.counts().items()}
         for topic, (publisher, *_) in self._senders.items():
             values[f"subscribers/{topic}"] = str(publisher.get_subscription_count())
         message = DiagnosticArray()
         message.header.stamp = self.get_clock().now().to_msg()
         message.status = [
             DiagnosticStatus(
-                level=DiagnosticStatus.ERROR if self.problem else DiagnosticStatus.OK,
+                level=self._level(),
                 name=self.get_fully_qualified_name(),
-                message=self.problem or self.state,
+                message=self.problem or self.health.mode or self.state,
                 values=[KeyValue(key=key, value=value) for key, value in values.items()],
             )
         ]
         self._diagnostics.publish(message)
 
-    def _reject(self, problem: BadMessage) -> None:
-        self.health.rejected += 1
-        self.health.last_rejected = str(problem)
+    def _level(self) -> bytes:
+        if self.problem:
+            return bytes(DiagnosticStatus.ERROR)
+        return bytes(DiagnosticStatus.WARN if self.health.mode else DiagnosticStatus.OK)
+
+    def _reject(self, topic: str, reason: str, text: str) -> None:  # noqa: ARG002
+        self.health.rejected[reason] += 1
+        self.health.last_rejected = text
 
     # -- details ------------------------------------------------------------------------------------------------
 
@@ -387,6 +510,11 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
                 reason = f"{given.name} is {given.value!r}; allowed: {', '.join(known.choices)}"
                 return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
+
+
+def qos_of(topic: Topic) -> QoSProfile:
+    """QoS of a topic of the loop; one that is not in every tick has no deadline."""
+    return PLAIN_QOS if topic in OCCASIONAL else LOOP_QOS
 
 
 def run_node(make: Callable[[], NodeShell]) -> int:

@@ -88,6 +88,16 @@ class Child:
     process: subprocess.Popen[bytes]
     log: Path
 
+    @property
+    def end(self) -> str:
+        """How the process ended: signal or exit code."""
+        code = self.process.returncode
+        if code is None:
+            return "running"
+        if code >= 0:
+            return f"exit code {code}"
+        return signal.Signals(-code).name if -code in {s.value for s in signal.Signals} else f"signal {-code}"
+
     def last_words(self) -> str:
         """Last line that the process wrote."""
         try:
@@ -99,11 +109,16 @@ class Child:
 
 
 def start(
-    name: str, arguments: Sequence[str], log_folder: Path, environment: Mapping[str, str], program: str = sys.executable
+    name: str,
+    arguments: Sequence[str],
+    log_folder: Path,
+    environment: Mapping[str, str],
+    program: str = sys.executable,
+    append: bool = False,
 ) -> Child:
-    """Start ``python arguments...``, or another program, in a process group of its own."""
+    """Start ``python arguments...``, or another program, in a process group of its own; `append`: to the log so far."""
     log = log_folder / f"{name}.log"
-    with log.open("wb") as output:
+    with log.open("ab" if append else "wb") as output:
         process = subprocess.Popen(
             [program, *arguments],
             stdin=subprocess.DEVNULL,

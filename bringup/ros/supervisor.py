@@ -1,28 +1,34 @@
-"""Manages running nodes over ROS: life cycle, readiness, health. The processes themselves are in `processes`."""
+"""Manages running nodes over ROS: life cycle, readiness, health, restarts. Processes are in `processes`."""
 
+import json
 import os
 import time
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict
 from typing import Any, Self
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.msg import ParameterEvent
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.parameter import Parameter
+from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.signals import SignalHandlerOptions
 
 from bringup.errors import RunError
 from bringup.ros.node_shell import PLAIN_QOS
 from bringup.ros.own_nodes import OwnNodes
 from bringup.ros.processes import Child
-from bringup.topics import NAMESPACE, PLANT, RECORDER, TOPICS, Topic
+from bringup.ros.restarts import Restart, RestartPolicy
+from bringup.topics import NAMESPACE, OCCASIONAL, PLANT, RECORDER, TOPICS, Topic
 
 #: How often the processes are looked at while nothing comes in, s.
 LOOK_S = 0.05
 STUCK_S = 30.0
+#: Time between two reports of bringup itself, when there is something to report, s.
+REPORT_PERIOD_S = 1.0
 #: How long after the last tick the recorder may take to have everything, s.
 RECORDER_PATIENCE_S = 10.0
 
@@ -38,11 +44,25 @@ class Supervisor:
     """
 
     def __init__(
-        self, children: Mapping[str, Child | None], environment: Mapping[str, str], own: OwnNodes | None = None
+        self,
+        children: Mapping[str, Child | None],
+        environment: Mapping[str, str],
+        own: OwnNodes | None = None,
+        revive: Callable[[str, dict[str, Any]], Child] | None = None,
     ) -> None:
-        """Manage `children` by name; None stands for a node whose process is somebody else's."""
+        """Manage `children` by name; None stands for a node whose process is somebody else's.
+
+        `revive` starts a node that has died again, with some parameters changed; without it such a node is the end.
+        """
         self._children = dict(children)
         self._strange = own.strange if own is not None else ()
+        self._revive = revive
+        self._policy = RestartPolicy()
+        self._due_s: dict[str, float] = {}  # dead nodes, and when they are to be started again
+        self.restarts: list[Restart] = []
+        self._changed: dict[str, dict[str, Any]] = {}  # parameters that were set while nodes ran
+        self._is_running = False
+        self._reported_s = 0.0
         self.health: dict[str, dict[str, str]] = {}
         self._replies: dict[tuple[str, int], Any] = {}
         # The middleware reads its settings from this process's environment; the domain is given to it directly, so that
@@ -63,6 +83,8 @@ class Supervisor:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._heard, PLAIN_QOS)
+        self.node.create_subscription(ParameterEvent, "/parameter_events", self._parameters_changed, PLAIN_QOS)
+        self._diagnostics = self.node.create_publisher(DiagnosticArray, "/diagnostics", PLAIN_QOS)
         self._clients = {
             name: self.node.create_client(ChangeState, f"{NAMESPACE}/{name}/change_state") for name in self._children
         }
@@ -83,6 +105,7 @@ class Supervisor:
         self.connect(order, lambda: all(self._connected(name) for name in order))
         for name in order:
             self.change([name], Transition.TRANSITION_ACTIVATE, "active")
+        self._is_running = True
 
     def connect(self, names: Iterable[str], connected: Callable[[], bool]) -> None:
         """Configure nodes (those that are not yet) and wait until `connected`."""
@@ -114,7 +137,7 @@ class Supervisor:
             elif self._of(PLANT, "state") not in ("active", ""):
                 moved_s = time.monotonic()  # paused, by whoever has the right to
             elif time.monotonic() - moved_s > STUCK_S:
-                msg = f"the loop has stood still at tick {tick} for {STUCK_S:g} s"
+                msg = f"the loop has stood still at tick {tick} for {STUCK_S:g} s{self._refusals()}"
                 raise RunError(msg)
         deadline = time.monotonic() + RECORDER_PATIENCE_S
         while self._of(RECORDER, "complete") != "true":
@@ -166,8 +189,9 @@ class Supervisor:
     def _heard(self, message: DiagnosticArray) -> None:
         for status in message.status:
             name = status.name.rsplit("/", 1)[-1]
-            if status.name == f"{NAMESPACE}/{name}" and name in self._children:
+            if status.name == f"{NAMESPACE}/{name}" and name in self._children and name not in self._due_s:
                 self.health[name] = {item.key: item.value for item in status.values}
+                self._is_back(name)
 
     def _of(self, name: str, key: str) -> str:
         return self.health.get(name, {}).get(key, "")
@@ -203,7 +227,7 @@ class Supervisor:
     def _connected(self, name: str) -> bool:
         """Whether every output of a node has the subscribers that this graph holds, on top of strangers' ones."""
         if name in self._strange:
-            reads = sum(self._reads(name, topic) for topic in TOPICS)
+            reads = sum(self._reads(name, topic) for topic in (*TOPICS, *OCCASIONAL))
             if not self._reports(name):
                 return self._publishes_all(name)
             if reads < int(self._of(name, "subscriptions") or 0):
@@ -273,9 +297,82 @@ class Supervisor:
     def spin(self) -> None:
         """Handle one message or event; complain when a process has died."""
         self._executor.spin_once(timeout_sec=LOOK_S)
-        for child in self._children.values():
-            if child is not None and child.process.poll() is not None:
-                raise RunError(self._failed(child.name, "died"))
+        now_s = time.monotonic()
+        for name, child in self._children.items():
+            if child is not None and name not in self._due_s and child.process.poll() is not None:
+                self._died(child, now_s)
+        for name, due_s in list(self._due_s.items()):
+            if now_s >= due_s:
+                self._start_again(name)
+        if self._is_running and self.restarts and now_s - self._reported_s >= REPORT_PERIOD_S:
+            self._report()
+
+    # -- restarts -----------------------------------------------------------------------------------------------
+
+    def _died(self, child: Child, now_s: float) -> None:
+        """Have a dead node started again, where that helps; else the run is over."""
+        wait_s = None
+        if self._is_running and self._revive is not None and child.name != PLANT:
+            wait_s = self._policy.wait_s(child.name, now_s)
+            if wait_s is None:
+                raise RunError(self._failed(child.name, f"died {self._policy.deaths(child.name)} times"))
+        if wait_s is None:
+            raise RunError(self._failed(child.name, "died"))
+        self._due_s[child.name] = now_s + wait_s
+        self.health.pop(child.name, None)
+        self.restarts.append(Restart(child.name, self._run_s(), f"{child.end}: {child.last_words()}"))
+
+    def _start_again(self, name: str) -> None:
+        assert self._revive is not None
+        del self._due_s[name]
+        first_ns = self._of(PLANT, "first_ns")
+        changed = {"run_start_ns": int(first_ns)} if first_ns and name != RECORDER else {}
+        self._children[name] = self._revive(name, {**self._changed.get(name, {}), **changed})
+        self._report()
+
+    def _is_back(self, name: str) -> None:
+        """Note that a node that had died works again."""
+        for restart in self.restarts:
+            if restart.node == name and restart.back_s != restart.back_s and int(self._of(name, "ticks") or 0) > 0:
+                restart.back_s = self._run_s()
+                self._report()
+
+    def _run_s(self) -> float:
+        """Time since the first tick, by the wall clock, which the stamps began with."""
+        first_ns = self._of(PLANT, "first_ns")
+        return round(time.time() - int(first_ns) / 1e9, 3) if first_ns else float("nan")
+
+    def _report(self) -> None:
+        """Tell on /diagnostics, and so in the bag, what was done."""
+        self._reported_s = time.monotonic()
+        waiting = [restart.node for restart in self.restarts if restart.back_s != restart.back_s]
+        message = DiagnosticArray()
+        message.header.stamp = self.node.get_clock().now().to_msg()
+        message.status = [
+            DiagnosticStatus(
+                level=DiagnosticStatus.WARN if waiting else DiagnosticStatus.OK,
+                name=f"{NAMESPACE}/bringup",
+                message=f"restarting {', '.join(waiting)}" if waiting else "all nodes are running",
+                values=[KeyValue(key="restarts", value=json.dumps([asdict(restart) for restart in self.restarts]))],
+            )
+        ]
+        self._diagnostics.publish(message)
+
+    def _parameters_changed(self, event: ParameterEvent) -> None:
+        """Remember what was set while a node ran: it must hold after a restart."""
+        name = event.node.rsplit("/", 1)[-1]
+        if self._is_running and event.node == f"{NAMESPACE}/{name}" and name in self._children:
+            new = {parameter.name: parameter_value_to_python(parameter.value) for parameter in event.changed_parameters}
+            self._changed.setdefault(name, {}).update(new)
+
+    def _refusals(self) -> str:
+        """What the nodes have refused: why a loop may stand still."""
+        said = [
+            f"{name} refused {health['rejected_inputs']} messages, the last: {health['last_rejected']}"
+            for name, health in self.health.items()
+            if health.get("rejected_inputs", "0") != "0"
+        ]
+        return "; " + "; ".join(said) if said else ""
 
     def _failed(self, name: str, how: str) -> str:
         child = self._children[name]

@@ -22,7 +22,7 @@ INPUTS = [topic for topic in TOPICS if CONTROLLER in topic.subscribers]
 
 
 def tick(k: int) -> list[tuple[Topic, bytes]]:
-    return [(topic, packer(topic)(k * 100_000_000, [1.0] * len(topic.series))) for topic in INPUTS]
+    return [(topic, packer(topic)(k * 100_000_000, [sum(span) / 2 for span in topic.spans])) for topic in INPUTS]
 
 
 def command_of(feeder: Feeder, k: int, patience_s: float = 10.0) -> bytes | None:

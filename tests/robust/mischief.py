@@ -1,0 +1,51 @@
+"""What the tests do to a running graph."""
+
+import os
+import signal
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from bringup.ros.graph import MODULES
+
+
+def pid_of(node: str) -> int:
+    """Process of a node that this process has started."""
+    children = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
+    for pid in children:
+        if MODULES[node] in Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0"):
+            return int(pid)
+    raise ProcessLookupError(node)
+
+
+def processes_that_mention(text: str) -> list[str]:
+    """Command lines of other running processes that contain `text`."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdecimal() and int(entry.name) != os.getpid():
+            try:
+                line = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
+            except OSError:
+                continue  # gone meanwhile
+            if text in line:
+                found.append(line)
+    return found
+
+
+@dataclass
+class Mischief:
+    """A progress function of `run_graph` that does something at some ticks, and notes at which it did."""
+
+    plan: Sequence[tuple[int, Callable[[], object]]]
+    done: list[int] = field(default_factory=list)
+
+    def __call__(self, tick: int, _ticks: int) -> None:
+        while len(self.done) < len(self.plan) and tick >= self.plan[len(self.done)][0]:
+            act = self.plan[len(self.done)][1]
+            self.done.append(tick)
+            act()
+
+
+def killing(node: str, number: signal.Signals = signal.SIGKILL) -> Callable[[], None]:
+    """Send a signal to a node."""
+    return lambda: os.kill(pid_of(node), number)
