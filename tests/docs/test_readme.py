@@ -1,0 +1,120 @@
+"""Every command of the README is run, its numbers are recomputed, and every command in the documentation is one.
+
+The two long commands are not run in full here. The first is run with a shorter scenario; `tests/controller` runs the
+whole scenario, and `tests/graph` the whole graph. The second is `pytest` itself. The site is built in `test_site.py`.
+"""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import click
+import pytest
+
+from bringup.cli import cli
+from bringup.loop import simulate
+from bringup.scenario import load
+from bringup.summary import summarise
+
+ROOT = Path(__file__).parents[2]
+BIN = Path(sys.executable).parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+COMMANDS = [line.split("  #")[0].strip() for line in re.findall(r"^    (python3 start\.py .*)$", README, re.MULTILINE)]
+SHORTER = {"run": ["--set", "duration_s=6", "--set", "faults.0.onset_s=2"]}
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def test_readme_has_the_two_commands_first() -> None:
+    assert COMMANDS[:2] == [
+        "python3 start.py acftc run actuator_fault --out results/actuator_fault --force",
+        "python3 start.py pytest",
+    ]
+
+
+@pytest.mark.parametrize("command", [c for c in COMMANDS if c.split()[2] not in ("pytest", "mkdocs")])
+def test_readme_command_runs(command: str, tmp_path: Path) -> None:
+    """What `start.py` does when the environment is there: run a program of it, here, with these arguments."""
+    program, *arguments = shlex.split(command)[2:]
+    further = SHORTER.get(arguments[0], [])
+    path = f"{BIN}{os.pathsep}{os.environ['PATH']}"
+    environment = {**os.environ, "PATH": path, "ROS_DOMAIN_ID": str(20 + os.getpid() % 20)}
+    called = [BIN / program, *arguments, *further]
+    done = subprocess.run(called, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=240)
+    assert done.returncode == 0, done.stderr[-2000:]
+    for option, value in pairwise(arguments):
+        if option == "--out":
+            assert (tmp_path / value / "report.html").stat().st_size > 100_000
+            assert (tmp_path / value / "summary.json").exists()
+
+
+def test_start_runs_a_command_in_the_folder_it_is_called_in(tmp_path: Path) -> None:
+    stamp = ROOT / ".venv" / "acftc-environment"
+    if not stamp.exists() or Path(sys.prefix).resolve() != (ROOT / ".venv").resolve():
+        pytest.skip("this environment was not made by start.py")
+    where = [sys.executable, str(ROOT / "start.py"), "python", "-c", "import os; print(os.getcwd())"]
+    done = subprocess.run(where, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == str(tmp_path)
+
+
+def table(row: str) -> list[float]:
+    """The first two numbers of a row of the README's table: accommodated, and K0 alone."""
+    (line,) = [line for line in README.splitlines() if line.startswith(f"| {row}")]
+    return [float(re.match(r"[-+]?[\d.]+", cell.strip())[0]) for cell in line.split("|")[2:4]]  # type: ignore[index]
+
+
+@pytest.mark.parametrize(
+    ("scenario", "rows"),
+    [
+        (
+            "actuator_fault",
+            {
+                "40 rpm too fast: command": "command_change_rpm",
+                "... evaporator pressure off by at most": "peak_pressure_error_kpa",
+            },
+        ),
+        (
+            "sensor_fault",
+            {
+                "5 kPa too high: command": "command_change_rpm",
+                "... actual evaporator pressure off, at rest": "steady_pressure_error_kpa",
+            },
+        ),
+    ],
+)
+def test_readme_figures_are_what_comes_out(scenario: str, rows: dict[str, str]) -> None:
+    runs = [summarise(simulate(load(scenario), passive=passive)) for passive in (False, True)]
+    for row, key in rows.items():
+        digits = 0 if key.startswith("command") and scenario == "sensor_fault" else 1
+        for shown, run in zip(table(row), runs, strict=True):
+            assert shown == pytest.approx(run["metrics"][key], abs=0.06 if digits else 0.6), row
+    fault = runs[0]["faults"][0]
+    within = re.search(r"isolated within (\d+) s", README)
+    assert within is not None
+    assert 0 < fault["isolated_s"] - fault["onset_s"] < float(within[1])
+
+
+def documented() -> Iterator[Any]:
+    """Every line of a code block of the documentation that calls `acftc`."""
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8").replace("\\\n", " ")
+        for line in re.findall(r"^(?:    )?(?:python3 start\.py )?(acftc .+)$", text, re.MULTILINE):
+            yield pytest.param(re.split(r" {2,}| [|>] ", line)[0], id=f"{page.stem}: {line[:60]}")
+
+
+@pytest.mark.parametrize("command", list(documented()))
+def test_documented_command_exists(command: str) -> None:
+    if command.startswith(("acftc --help", "acftc --version")):
+        return
+    _, name, *arguments = shlex.split(command)
+    if "--help" in arguments:
+        arguments.remove("--help")
+    with click.Context(cli, info_name="acftc") as context:
+        found = cli.get_command(context, name)
+        assert found is not None, f"there is no command {name!r}"
+        found.make_context(name, arguments, parent=context)  # parses and checks; does not run
