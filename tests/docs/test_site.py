@@ -46,6 +46,12 @@ def test_formulas_are_mathml(site: Path) -> None:
     assert "$$" not in html
 
 
+def test_examples_are_shown_on_their_pages(site: Path) -> None:
+    for page in (site / "how-to").glob("*.html"):
+        assert not re.search(r"-8.*(?:<|&lt;).*examples/", page.read_text(encoding="utf-8")), page
+    assert "LinearPlantNode" in (site / "how-to" / "own-plant.html").read_text(encoding="utf-8")
+
+
 def test_search_works_from_files(site: Path) -> None:
     assert (site / "search" / "search_index.js").read_text(encoding="utf-8").startswith("var __index = ")
     assert "iframe-worker" in (site / "index.html").read_text(encoding="utf-8")
@@ -58,7 +64,7 @@ def test_every_page_is_in_the_navigation() -> None:
         for page in (ROOT / "docs").rglob("*.md")
         if page.relative_to(ROOT / "docs").as_posix() not in text_
     ]
-    assert not missing
+    assert not missing, "add it to `nav` in mkdocs.yml"
 
 
 def test_reproduction_page_is_that_of_its_figures() -> None:
