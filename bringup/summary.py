@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bringup.errors import BringupError
+from bringup.files import write_whole
 from bringup.recording import Recording, StatusRow
 from bringup.topics import FAULTS
 from bringup.units import FAULT_UNITS, KPA, RPM
@@ -112,7 +113,7 @@ def summarise(recording: Recording) -> dict[str, Any]:
 
 def write_summary(summary: dict[str, Any], path: Path) -> None:
     """Write `summary` as JSON, readable and strict (no NaN)."""
-    path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    write_whole(path, json.dumps(summary, indent=2, allow_nan=False) + "\n")
 
 
 def injected_faults(recording: Recording) -> list[InjectedFault]:

@@ -4,6 +4,7 @@ A key is everything that decides the result: parameters, weights, and the source
 A changed parameter or a changed line of code therefore makes a new key, and can never meet a stale result.
 """
 
+import contextlib
 import hashlib
 import json
 import os
@@ -82,10 +83,14 @@ def _read(file: Path) -> Arrays | None:
 
 def _write(file: Path, arrays: Arrays) -> None:
     """Store under a temporary name first: nodes that start together may all write, and none may read half a file."""
+    temporary = ""
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".tmp", delete=False) as temporary:
-            np.savez(temporary, **arrays)  # type: ignore[arg-type]
-        Path(temporary.name).replace(file)
+        with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".tmp", delete=False) as stream:
+            temporary = stream.name
+            np.savez(stream, **arrays)  # type: ignore[arg-type]
+        Path(temporary).replace(file)
     except OSError:
-        return  # a read-only or full disk costs time, not the result
+        # A read-only or full disk costs time, not the result; half a file would only make it fuller.
+        with contextlib.suppress(OSError):
+            Path(temporary).unlink()

@@ -10,6 +10,7 @@ from typing import Any
 
 import yaml
 
+from bringup.files import write_whole
 from bringup.recording import Recording
 from bringup.report import stills
 from bringup.report.charts import Chart
@@ -65,7 +66,7 @@ def write_report(
     first_tick_s
         Stamp of the first tick, where nodes tell times by stamps.
     """
-    path.write_text(render(recording, beside, note, reports, first_tick_s, path.with_suffix("")), encoding="utf-8")
+    write_whole(path, render(recording, beside, note, reports, first_tick_s, path.with_suffix("")))
 
 
 def render(

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bringup.errors import BringupError
+from bringup.files import write_whole
 from bringup.loop import designs_at, simulate
 from bringup.recording import Recording
 from bringup.report.charts import BLUE, GREEN, VERMILION, Chart, Curve
@@ -77,7 +78,7 @@ def reproduce(out_dir: Path, cycle: Path | None = None, say: Callable[[str], Non
         picture = None
         if experiment.picture:
             picture = f"{experiment.id.lower()}.svg"
-            (out_dir / picture).write_text(experiment.picture, encoding="utf-8")
+            write_whole(out_dir / picture, experiment.picture)
         content[experiment.id] = {
             "title": experiment.title,
             "verdict": experiment.verdict,
@@ -85,8 +86,8 @@ def reproduce(out_dir: Path, cycle: Path | None = None, say: Callable[[str], Non
             "remark": experiment.remark,
             "figure": picture,
         }
-    (out_dir / "paper.json").write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    (out_dir / "index.html").write_text(page(experiments), encoding="utf-8")
+    write_whole(out_dir / "paper.json", json.dumps(content, indent=2, allow_nan=False) + "\n")
+    write_whole(out_dir / "index.html", page(experiments))
     return experiments
 
 

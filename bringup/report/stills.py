@@ -4,9 +4,11 @@ import io
 import math
 import re
 from collections.abc import Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bringup.files import write_whole
 from bringup.report.charts import GREY, Chart, Mark, Points
 
 if TYPE_CHECKING:
@@ -73,8 +75,10 @@ def save(charts: Sequence[Chart], stem: Path, columns: int = 2, title: str = "",
     with rc_context(_STYLE):
         drawn = _figure(charts, columns, size_in)
         text = _svg(drawn, title)
-        stem.with_name(stem.name + ".svg").write_text(text, encoding="utf-8")
-        drawn.savefig(stem.with_name(stem.name + ".png"), dpi=_DPI, metadata={"Title": title})
+        pixels = BytesIO()
+        drawn.savefig(pixels, format="png", dpi=_DPI, metadata={"Title": title})
+    write_whole(stem.with_name(stem.name + ".svg"), text)
+    write_whole(stem.with_name(stem.name + ".png"), pixels.getvalue())
     return text
 
 

@@ -22,6 +22,7 @@ from bringup.errors import BringupError, InterruptedRunError, RunError
 from bringup.ros.own_nodes import OwnNodes
 from bringup.ros.processes import Child, Domain, ros_environment, start, stop
 from bringup.ros.restarts import Restart
+from bringup.ros.shared_memory import sweep
 from bringup.scenario import Scenario
 from bringup.software import software
 from bringup.topics import (
@@ -110,6 +111,7 @@ def run_graph(
     passive = scenario.passive if passive is None else passive
     own = own or OwnNodes()
     _prepare(out_dir)
+    sweep()
     domain = Domain()
     try:
         environment = {**ros_environment(), "ROS_DOMAIN_ID": str(domain.number)}
@@ -167,6 +169,7 @@ def run_graph(
             return result
     finally:
         domain.release()
+        sweep()
 
 
 def _latencies(health: Mapping[str, str]) -> tuple[float, float, float]:

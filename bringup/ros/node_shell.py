@@ -35,6 +35,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
+from bringup.files import write_whole
 from bringup.ros.arguments import ArgumentError, init
 from bringup.ros.cdr import Packer, packer
 from bringup.ros.inputs import Gate, LoopInputs, Subscriptions
@@ -262,7 +263,7 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         else:
             design = design_of(self.get_name(), self.value("operating_point"), sample_time_s, **options)
         if self.value("design_copy"):
-            Path(self.value("design_copy")).write_bytes(to_bytes(design))
+            write_whole(Path(self.value("design_copy")), to_bytes(design))
         return design
 
     @property

@@ -2,6 +2,7 @@
 
 import contextlib
 import ctypes
+import errno
 import fcntl
 import os
 import signal
@@ -80,6 +81,12 @@ def end_with_parent() -> None:
         sys.exit(1)
 
 
+def _is_full(folder: Path) -> bool:
+    """Whether the disk under `folder` has no room for one more page."""
+    disk = os.statvfs(folder)
+    return disk.f_bavail * disk.f_frsize < os.sysconf("SC_PAGE_SIZE")
+
+
 @dataclass
 class Child:
     """One node's process, with its output in a log file."""
@@ -105,7 +112,10 @@ class Child:
         except OSError:
             return ""
         said = [line.strip() for line in lines if line.strip()]
-        return said[-1] if said else "it wrote nothing"
+        if said:
+            return said[-1]
+        # A full disk takes neither the bag nor the words about it.
+        return os.strerror(errno.ENOSPC) if _is_full(self.log.parent) else "it wrote nothing"
 
 
 def start(
