@@ -8,11 +8,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ac_plant_node.calibration import TABLE_I, calibrate
-    from ac_plant_node.equilibrium import POINTS, OperatingPoint, operating_point, table_inputs
+    from ac_plant_node.calibration import calibrate
+    from ac_plant_node.equilibrium import OperatingPoint, operating_point, table_inputs
     from ac_plant_node.fingerprint import parameters_fingerprint
     from ac_plant_node.linear import INPUTS, OUTPUTS, linearize
-    from ac_plant_node.parameters import Parameters, load_parameters
+    from ac_plant_node.parameters import POINTS, TABLE_I, Parameters, load_parameters, load_points
     from ac_plant_node.plant import Outputs, Plant
 
 __all__ = [
@@ -27,17 +27,18 @@ __all__ = [
     "calibrate",
     "linearize",
     "load_parameters",
+    "load_points",
     "operating_point",
     "parameters_fingerprint",
     "table_inputs",
 ]
 
 _MODULES = {
-    "calibration": ("TABLE_I", "calibrate"),
-    "equilibrium": ("POINTS", "OperatingPoint", "operating_point", "table_inputs"),
+    "calibration": ("calibrate",),
+    "equilibrium": ("OperatingPoint", "operating_point", "table_inputs"),
     "fingerprint": ("parameters_fingerprint",),
     "linear": ("INPUTS", "OUTPUTS", "linearize"),
-    "parameters": ("Parameters", "load_parameters"),
+    "parameters": ("POINTS", "TABLE_I", "Parameters", "load_parameters", "load_points"),
     "plant": ("Outputs", "Plant"),
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}

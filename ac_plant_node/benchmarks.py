@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from ac_plant_node import integrator, model
 from ac_plant_node.compiled import jit
-from ac_plant_node.equilibrium import POINTS, operating_point
-from ac_plant_node.parameters import load_parameters
+from ac_plant_node.equilibrium import operating_point
+from ac_plant_node.parameters import POINTS, load_parameters
 from ac_plant_node.plant import INPUT_HIGH, INPUT_LOW, Plant
 from ac_plant_node.tables import load_tables
 from bringup.bench.figure import Figure

@@ -7,38 +7,24 @@ at rest with the given charge; three points then fix the two three-coefficient m
 ``eta_v = a + b (p_c/p_e - 4) + c (1 - 1000 rpm / N)`` and ``A_v = a_0 + a_1 u + a_2 u^2``.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ac_plant_node import model
 from ac_plant_node.lookup import saturation, vapour
-from ac_plant_node.parameters import Parameters, load_parameters
+from ac_plant_node.parameters import (
+    SOLVED,
+    Parameters,
+    TableRow,
+    load_parameters,
+    parameter_range,
+)
 from ac_plant_node.tables import VAPOUR_SPAN_J_KG, Tables, load_tables
 
 RPM = 2.0 * np.pi / 60.0
 """rad/s in one rpm."""
-
-
-@dataclass(frozen=True)
-class TableRow:
-    """One row of the paper's Table I."""
-
-    name: str
-    air_inlet_temperature_c: float
-    compressor_speed_rpm: float
-    valve_opening_percent: float
-    evaporator_pressure_kpa: float
-    superheat_k: float = 20.0
-
-
-TABLE_I = (
-    TableRow("low", 25.0, 450.0, 25.0, 302.2),
-    TableRow("med", 30.0, 1000.0, 40.0, 251.2),
-    TableRow("high", 40.0, 2500.0, 55.0, 204.6),
-)
-"""The paper's three operating points: evaporator air inlet, inputs, and the equilibrium they lead to."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +59,14 @@ def starting_state(tab: Tables, pe: float, h_e2: float, pc: float, air_c: float)
     return np.array([0.85, pe, h_e2, wall_1, wall_2, 0.12, 0.75, pc, h_f - 8.0e3, tc - 1.0, tc - 2.5, tc - 6.0])
 
 
+def row_inputs(row: TableRow, parameters: Parameters) -> NDArray[np.float64]:
+    """Inputs (4,) of an operating point: speed rad/s, opening 0..1, air kg/s, its inlet temperature degC."""
+    air = parameters["evaporator_air_nominal_kg_s"] if row.air_mass_flow_kg_s is None else row.air_mass_flow_kg_s
+    return np.array(
+        [row.compressor_speed_rpm * RPM, row.valve_opening_percent / 100.0, air, row.air_inlet_temperature_c]
+    )
+
+
 def solve_point(row: TableRow, parameters: Parameters, tab: Tables) -> CalibratedPoint:
     """States, volumetric efficiency and valve area that hold one row of Table I at rest.
 
@@ -85,8 +79,7 @@ def solve_point(row: TableRow, parameters: Parameters, tab: Tables) -> Calibrate
 
     pe = row.evaporator_pressure_kpa * 1.0e3
     h_e2 = superheated_enthalpy(tab, pe, row.superheat_k)
-    w = np.array([row.compressor_speed_rpm * RPM, 0.5, parameters["evaporator_air_nominal_kg_s"],
-                  row.air_inlet_temperature_c])  # fmt: skip
+    w = row_inputs(row, parameters)
     free = np.array([0, 3, 4, 5, 6, 7, 8, 9, 10, 11])
     guess, z, ds, aux = model.new_workspace()
     s = np.zeros(model.N_STATES)
@@ -127,9 +120,11 @@ def solve_point(row: TableRow, parameters: Parameters, tab: Tables) -> Calibrate
 
 
 def calibrate(
-    parameters: Parameters | None = None, tab: Tables | None = None
+    parameters: Parameters | None = None, tab: Tables | None = None, rows: tuple[TableRow, ...] | None = None
 ) -> tuple[Parameters, list[CalibratedPoint]]:
-    """Solve the maps again from Table I.
+    """Solve the maps again from a table of operating points.
+
+    Three points fix the two maps exactly; more are fitted by least squares.
 
     Parameters
     ----------
@@ -137,22 +132,51 @@ def calibrate(
         Everything but the six solved coefficients is taken from here; the shipped set by default.
     tab : Tables, optional
         Tables of the set's refrigerant.
+    rows : tuple of TableRow, optional
+        The operating points, at least three; those of the parameters by default, which are Table I's.
 
     Returns
     -------
     tuple
-        The parameters with the solved coefficients put in, and what was found at each point.
+        The parameters with the solved coefficients and the operating points put in, and what was found at each point.
+
+    Raises
+    ------
+    ValueError
+        One line: the point that no equilibrium was found for, or the coefficient that came out beyond its range.
     """
     parameters = parameters or load_parameters()
     tab = tab or load_tables(parameters.refrigerant)
-    points = [solve_point(row, parameters, tab) for row in TABLE_I]
+    rows = parameters.points if rows is None else rows
+    points = [solve_point(row, parameters, tab) for row in rows]
     ratio = np.array([p.state[7] / p.state[1] for p in points])
     speed = np.array([1.0 - 1000.0 / p.row.compressor_speed_rpm for p in points])
-    eta = np.linalg.solve(np.column_stack([np.ones(3), ratio - 4.0, speed]), [p.eta_v for p in points])
+    eta = _fit(np.column_stack([np.ones(len(points)), ratio - 4.0, speed]), [p.eta_v for p in points])
     u = np.array([p.row.valve_opening_percent / 100.0 for p in points])
-    area = np.linalg.solve(np.vander(u, 3, increasing=True), [p.valve_area_m2 for p in points])
-    solved = parameters.replace(
-        eta_v_offset=eta[0], eta_v_pressure_ratio=eta[1], eta_v_speed=eta[2],
-        valve_area_0_m2=area[0], valve_area_1_m2=area[1], valve_area_2_m2=area[2],
-    )  # fmt: skip
-    return solved, points
+    area = _fit(np.vander(u, 3, increasing=True), [p.valve_area_m2 for p in points])
+    found = dict(zip(SOLVED, (*eta, *area), strict=True))
+    for name, value in found.items():
+        low, high = parameter_range(name)
+        if not low <= value <= high:
+            raise ValueError(
+                f"calibration: {name} comes out as {value:.3g}, outside {low:g} to {high:g}; "
+                "these operating points do not belong to a plant with these parameters"
+            )
+    return replace(parameters.replace(**found), points=rows), points
+
+
+def _fit(matrix: NDArray[np.float64], values: list[float]) -> NDArray[np.float64]:
+    """Exact solution for three points, least squares for more."""
+    found: NDArray[np.float64]
+    if len(values) == matrix.shape[1]:
+        try:
+            found = np.linalg.solve(matrix, values)
+        except np.linalg.LinAlgError:
+            found = np.full(matrix.shape[1], np.nan)
+    else:
+        found, _, rank, _ = np.linalg.lstsq(matrix, np.array(values), rcond=None)
+        if rank < matrix.shape[1]:
+            found[:] = np.nan
+    if not np.isfinite(found).all():
+        raise ValueError("calibration: the operating points must differ in compressor speed and in valve opening")
+    return found

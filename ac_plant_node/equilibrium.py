@@ -7,12 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_plant_node import integrator, model
-from ac_plant_node.calibration import RPM, TABLE_I, starting_state, superheated_enthalpy
+from ac_plant_node.calibration import RPM, row_inputs, starting_state, superheated_enthalpy
 from ac_plant_node.parameters import Parameters, load_parameters
 from ac_plant_node.tables import Tables, load_tables
-
-POINTS = tuple(row.name for row in TABLE_I)
-"""Names of the operating points."""
 
 X_SCALE = np.array([0.1, 1.0e4, 1.0e4, 5.0, 5.0, 0.1, 0.1, 1.0e5, 1.0e4, 5.0, 5.0, 5.0])
 """Sizes of the public state's components, for differences and solvers."""
@@ -185,22 +182,22 @@ def _describe(name: str, x: NDArray[np.float64], w: NDArray[np.float64], p: Para
 
 
 def table_inputs(point: str, parameters: Parameters | None = None) -> NDArray[np.float64]:
-    """Inputs (4,) of one row of Table I, evaporator air at its nominal flow.
+    """Inputs (4,) of one of the parameters' operating points: of a row of Table I for the shipped ones.
 
     Raises
     ------
     ValueError
-        When the point is not "low", "med" or "high".
+        When there is no such point.
     """
-    for row in TABLE_I:
+    parameters = parameters or load_parameters()
+    for row in parameters.points:
         if row.name == point:
-            parameters = parameters or load_parameters()
-            return np.array([row.compressor_speed_rpm * RPM, row.valve_opening_percent / 100.0,
-                             parameters["evaporator_air_nominal_kg_s"], row.air_inlet_temperature_c])  # fmt: skip
-    raise ValueError(f"unknown operating point {point!r}: allowed are {', '.join(POINTS)}")
+            return row_inputs(row, parameters)
+    known = ", ".join(row.name for row in parameters.points)
+    raise ValueError(f"unknown operating point {point!r}: allowed are {known}")
 
 
 @cache
 def operating_point(point: str) -> OperatingPoint:
-    """The equilibrium at the inputs of one row of Table I ("low", "med", "high"), solved once per process."""
+    """The equilibrium at the inputs of an operating point ("low", "med", "high"), solved once per process."""
     return equilibrium(table_inputs(point), name=point)

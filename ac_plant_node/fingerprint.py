@@ -30,7 +30,7 @@ def source_hash(names: tuple[str, ...]) -> str:
 
 
 def parameters_fingerprint(parameters: Parameters | None = None) -> str:
-    """Hash of the parameters, the property tables' identity and the model's own source (16 hex digits)."""
+    """Hash of parameters and operating points, the property tables' identity and the model's source (16 hex digits)."""
     parameters = parameters or load_parameters()
     identity = f"{table_identity(parameters.refrigerant)}/{source_hash(MODEL_SOURCES)}"
-    return digest(parameters.array.tobytes(), identity.encode())[:16]
+    return digest(parameters.identity.encode(), identity.encode())[:16]

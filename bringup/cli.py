@@ -17,6 +17,9 @@ import click
 from bringup.commands.options import examples, nearest
 from bringup.errors import one_line
 
+#: Names the plant's parameter file; the same as `ac_plant_node.parameters.PLANT_VARIABLE`, which is heavy to import.
+PLANT_VARIABLE = "ACFTC_PLANT"
+
 INTERRUPTED = 130
 FAILED = 1
 BAD_INPUT = 2
@@ -87,8 +90,17 @@ Exit codes:
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
 @click.version_option(package_name="acftc", prog_name="acftc")
-def cli() -> None:
+@click.option(
+    "--plant",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Parameters of a plant of your own, as `acftc calibrate --out` writes them. Default: the built-in plant.",
+)
+def cli(plant: Path | None) -> None:
     """Fault-tolerant control of a vapour-compression air conditioner on ROS 2."""
+    if plant is not None:
+        # The nodes are processes of their own: what they inherit says which plant it is.
+        os.environ[PLANT_VARIABLE] = str(plant.resolve())
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -2,9 +2,24 @@
 
 import os
 import platform
+from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 
 _PACKAGES = ("acftc", "numpy", "numba", "CoolProp", "ros-jazzy-rclpy", "ros-fastrtps")
+
+
+def plant() -> str:
+    """Which plant's parameters are in use: the file they are from, and a hash of what it says."""
+    from ac_plant_node import load_parameters
+
+    parameters = load_parameters()
+    return f"{Path(parameters.source).name} {parameters.identity}"
+
+
+def same_plant(made_with: Mapping[str, str]) -> bool:
+    """Whether a recording made with `software()` was of the plant that is in use now; recordings of old did not say."""
+    return made_with.get("plant", plant()).split()[-1] == plant().split()[-1]
 
 
 def software() -> dict[str, str]:
@@ -15,4 +30,8 @@ def software() -> dict[str, str]:
             found[name] = version(name)
         except PackageNotFoundError:
             continue
-    return {**found, "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} processors"}
+    return {
+        **found,
+        "plant": plant(),
+        "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} processors",
+    }

@@ -14,6 +14,7 @@ from bringup.ros.cdr import restamped, stamp_ns
 from bringup.ros.graph import MODULES, node_arguments, node_parameters
 from bringup.ros.processes import Child, Domain, ros_environment, start, stop
 from bringup.scenario import Scenario
+from bringup.software import plant, same_plant
 from bringup.topics import PLANT, RECORDER, TOPICS, Topic
 
 #: Largest relative difference that counts as rounding of another processor.
@@ -87,6 +88,9 @@ def replay(
         raise BringupError(msg)
     raw = read_raw(bag)
     run, scenario = run_of(raw, bag)
+    if not same_plant(run.get("software", {})):
+        msg = f"{bag}: recorded with the plant {run['software']['plant']}, in use is {plant()}; give it with --plant"
+        raise BringupError(msg)
     ticks = _by_tick(raw, node)
     domain = Domain()
     try:

@@ -1,40 +1,112 @@
-"""`acftc calibrate`: the maps of compressor and valve, solved again."""
+"""`acftc calibrate`: the maps of compressor and valve, solved from a table of operating points."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from bringup.commands.options import examples, json_option
-from bringup.console import print_json, print_table
+from bringup.console import print_json, print_table, say
+
+if TYPE_CHECKING:
+    from ac_plant_node import OperatingPoint, Parameters
+    from ac_plant_node.calibration import CalibratedPoint
 
 
 @click.command(
-    epilog=examples("acftc calibrate", "acftc calibrate --json"),
-    short_help="Solve the plant's maps again from Table I.",
+    epilog=examples(
+        "acftc calibrate # from Table I, beside the built-in maps",
+        "acftc calibrate --points points.yaml --parameters car.yaml --out mycar.yaml",
+        "acftc --plant mycar.yaml equilibria # what the calibrated plant does",
+    ),
+    short_help="Fit the plant's maps to a table of operating points.",
+)
+@click.option(
+    "--points",
+    "table",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Operating points, three or more: YAML, see docs/plant.md. Default: those of the parameters, or Table I.",
+)
+@click.option(
+    "--parameters",
+    "given",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Refrigerant, charge, geometry, ...: what is not in the file is as in the built-in plant.",
+)
+@click.option(
+    "--out",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Write the calibrated plant here, for `acftc --plant FILE`.",
 )
 @json_option
-def calibrate(as_json: bool) -> None:
-    """Solve the maps of compressor and valve again from Table I, and show them beside the shipped ones."""
-    from ac_plant_node import calibrate as solve
-    from ac_plant_node import load_parameters
+def calibrate(table: Path | None, given: Path | None, out: Path | None, as_json: bool) -> None:
+    """Fit the maps of compressor and valve to operating points, and show them beside the parameters' own.
 
-    shipped = load_parameters()
-    solved, points = solve(shipped)
-    names = (
-        "eta_v_offset",
-        "eta_v_pressure_ratio",
-        "eta_v_speed",
-        "valve_area_0_m2",
-        "valve_area_1_m2",
-        "valve_area_2_m2",
-    )
-    content = {name: {"solved": solved[name], "shipped": shipped[name]} for name in names}
+    At each point the evaporator pressure and the superheat are given. Volumetric efficiency and valve area are solved
+    for; three points fix the two maps exactly, more are fitted by least squares. The table shows the equilibria that
+    the calibrated plant then has.
+    """
+    from ac_plant_node import calibrate as solve
+    from ac_plant_node import load_parameters, load_points
+    from ac_plant_node.calibration import row_inputs
+    from ac_plant_node.equilibrium import equilibrium
+    from ac_plant_node.parameters import SOLVED
+
+    before = load_parameters(given)
+    rows = load_points(table) if table is not None else before.points
+    solved, points = solve(before, rows=rows)
+    reached = [
+        equilibrium(row_inputs(point.row, solved), solved, start=point.state, name=point.row.name) for point in points
+    ]
+    if out is not None:
+        _write(out, solved, f"the {len(rows)} operating points below")
+    maps = {name: {"solved": solved[name], "before": before[name]} for name in SOLVED}
+    shown = {point.row.name: _point(point, rest) for point, rest in zip(points, reached, strict=True)}
     if as_json:
-        print_json(content)
+        print_json({"parameters": maps, "points": shown})
         return
     print_table(
-        ["parameter", "solved", "shipped"],
-        [[name, f"{values['solved']:.9g}", f"{values['shipped']:.9g}"] for name, values in content.items()],
+        ["parameter", "solved", "before"],
+        [[name, f"{values['solved']:.9g}", f"{values['before']:.9g}"] for name, values in maps.items()],
     )
     print_table(
-        ["operating point", "volumetric efficiency", "valve area"],
-        [[point.row.name, f"{point.eta_v:.4f}", f"{1e6 * point.valve_area_m2:.4f} mm²"] for point in points],
+        ["operating point", "p_e given", "p_e reached", "SH given", "SH reached", "p_c", "eta_v", "valve area"],
+        [
+            [
+                name,
+                f"{values['evaporator_pressure_kpa']:.2f} kPa",
+                f"{values['reached_evaporator_pressure_kpa']:.2f} kPa",
+                f"{values['superheat_k']:.2f} K",
+                f"{values['reached_superheat_k']:.2f} K",
+                f"{values['condenser_pressure_kpa']:.1f} kPa",
+                f"{values['volumetric_efficiency']:.4f}",
+                f"{values['valve_area_mm2']:.4f} mm²",
+            ]
+            for name, values in shown.items()
+        ],
     )
+    if out is not None:
+        say(f"wrote {out}")
+
+
+def _point(point: "CalibratedPoint", rest: "OperatingPoint") -> dict[str, Any]:
+    return {
+        "evaporator_pressure_kpa": point.row.evaporator_pressure_kpa,
+        "reached_evaporator_pressure_kpa": float(rest.outputs[0]) * 1e-3,
+        "superheat_k": point.row.superheat_k,
+        "reached_superheat_k": float(rest.outputs[1]),
+        "condenser_pressure_kpa": float(rest.outputs[3]) * 1e-3,
+        "volumetric_efficiency": point.eta_v,
+        "valve_area_mm2": point.valve_area_m2 * 1e6,
+    }
+
+
+def _write(out: Path, solved: "Parameters", source: str) -> None:
+    from ac_plant_node.parameters import SOLVED, parameter_text
+
+    text = parameter_text(solved, dict.fromkeys(SOLVED, f"solved by acftc calibrate from {source}"))
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(text, encoding="utf-8")

@@ -12,11 +12,16 @@ from bringup.console import print_json, print_table
 )
 @json_option
 def equilibria(as_json: bool) -> None:
-    """Show the three operating points that the solver finds, beside the paper's Table I."""
-    from ac_plant_node import TABLE_I, operating_point
+    """Show the operating points that the solver finds, beside the paper's Table I.
+
+    With --plant FILE they are the points of that file.
+    """
+    from ac_plant_node import TABLE_I, load_parameters, operating_point
     from bringup.units import KPA, RPM
 
-    points = [(row, operating_point(row.name)) for row in TABLE_I]
+    table = load_parameters().points
+    given = "table_i" if table == TABLE_I else "given"
+    points = [(row, operating_point(row.name)) for row in table]
     content = {
         row.name: {
             "compressor_speed_rpm": float(point.inputs[0]) / RPM,
@@ -24,9 +29,9 @@ def equilibria(as_json: bool) -> None:
             "air_mass_flow_kg_s": float(point.inputs[2]),
             "air_inlet_temperature_c": float(point.inputs[3]),
             "evaporator_pressure_kpa": float(point.outputs[0]) / KPA,
-            "table_i_evaporator_pressure_kpa": row.evaporator_pressure_kpa,
+            f"{given}_evaporator_pressure_kpa": row.evaporator_pressure_kpa,
             "superheat_k": float(point.outputs[1]),
-            "table_i_superheat_k": row.superheat_k,
+            f"{given}_superheat_k": row.superheat_k,
             "wall_temperature_c": float(point.outputs[2]),
             "condenser_pressure_kpa": float(point.outputs[3]) / KPA,
             "subcooling_k": float(point.subcooling_k),

@@ -77,9 +77,12 @@ def companion(recording: "Recording") -> "tuple[Recording | None, str]":
     """Give the passive run to show beside an active one with faults, and the sentence that says where it is from."""
     from bringup.loop import simulate as simulate_loop
     from bringup.scenario import check
+    from bringup.software import same_plant
 
     if recording.metadata["passive"] or not recording.metadata["scenario"].get("faults"):
         return None, ""
+    if not same_plant(recording.metadata.get("software", {})):
+        return None, "No passive run beside it: it was recorded with another plant, which `acftc --plant FILE` names."
     scenario = check(recording.metadata["scenario"], "scenario of the recording")
     try:
         with progress_bar("the passive run beside it") as progress:

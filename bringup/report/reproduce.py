@@ -96,8 +96,7 @@ def reproduce(out_dir: Path, cycle: Path | None = None, say: Callable[[str], Non
 
 def operating_points() -> Experiment:
     """E1: Table I as equilibria of the nonlinear plant."""
-    from ac_plant_node import operating_point
-    from ac_plant_node.calibration import TABLE_I
+    from ac_plant_node import TABLE_I, operating_point
 
     findings = []
     for row in TABLE_I:

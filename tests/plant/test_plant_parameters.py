@@ -18,11 +18,14 @@ def shipped():
     ("pattern", "replacement", "says"),
     [
         (r"value: 0\.50, unit: kg", "value: 50, unit: kg", r"charge_kg = 50 kg is outside 0\.1 to 2"),
-        (r"charge_kg:.*\n", "", "'charge_kg' is missing"),
+        (r"charge_kg:.*\n", "charge_kg: 50\n", r"charge_kg = 50 kg is outside 0\.1 to 2"),
+        (r"charge_kg:.*\n", "charge_kg: yes\n", "charge_kg is not a number"),
+        (r"charge_kg: \{value", "charge_kg: {worth", "charge_kg: unknown key 'worth'; allowed are value, unit"),
         (r"charge_kg: \{value: 0\.50", "charge_kg: {value: much", "charge_kg is not a number"),
         (r"refrigerant: R134a", "refrigerant: R12", "'R12', allowed are R134a, R1234yf"),
         (r"\Z", "colour: {value: 1}\n", "unknown parameter 'colour'"),
-        (r"charge_kg:.*\n", "charge_kg: 0.5\n", "charge_kg needs value, unit, low, high and reason"),
+        (r"\A", "chrage_kg: 0.5\n", "unknown parameter 'chrage_kg', did you mean 'charge_kg'"),
+        (r"\Z", "points: 3\n", "points: expected a list of 3 to 100"),
         (r"\A", "][", "not valid YAML"),
     ],
 )
