@@ -71,7 +71,6 @@ def output_jacobian(point: OperatingPoint) -> NDArray[np.float64]:
     return c
 
 
-@cache
 def linearize(point: str | OperatingPoint) -> control.StateSpace:
     """State-space model of the plant around an operating point, in deviations from it.
 
@@ -95,7 +94,15 @@ def linearize(point: str | OperatingPoint) -> control.StateSpace:
     ValueError
         For an unknown point.
     """
-    at = operating_point(point) if isinstance(point, str) else point
+    return _of_table(point) if isinstance(point, str) else _linearized(point)
+
+
+@cache
+def _of_table(point: str) -> control.StateSpace:
+    return _linearized(operating_point(point))
+
+
+def _linearized(at: OperatingPoint) -> control.StateSpace:
     a, b, m = descriptor(at)
     c = output_jacobian(at)
     scale = X_SCALE

@@ -1,14 +1,18 @@
 """Every synthesis of one operating point: makes sure that it is in the cache, and says what was found."""
 
+from dataclasses import replace
+
 from bringup.scenario import DEFAULT_SAMPLE_TIME_S
 from fdi_node.design_cache import cached_design
 from fdi_node.design_report import BlockReport
 from fdi_node.weights import FdiWeights
-from gimc_controller_node.weights import CompensatorWeights, ControllerWeights
+from gimc_controller_node.weights import PAPER_CONTROLLER, CompensatorWeights, ControllerWeights
+
+SYNTHESIS = "gimc_controller_node.controller_design"
 
 
 def all_blocks(point: str, sample_time_s: float = DEFAULT_SAMPLE_TIME_S) -> list[BlockReport]:
-    """Reports of K0, both rows of H and all Q at one operating point, designed first when the cache lacks them.
+    """Reports of both K0, both rows of H and all Q at one operating point, designed first when the cache lacks them.
 
     Parameters
     ----------
@@ -22,7 +26,8 @@ def all_blocks(point: str, sample_time_s: float = DEFAULT_SAMPLE_TIME_S) -> list
         For an unknown operating point, a sample time out of range, or a synthesis that fails its own checks.
     """
     controller, fdi = ControllerWeights(), FdiWeights()
-    k0 = cached_design("controller", "gimc_controller_node.controller_design", point, sample_time_s, controller)
+    k0 = cached_design("controller", SYNTHESIS, point, sample_time_s, controller)
+    paper = cached_design("controller-paper", SYNTHESIS, point, sample_time_s, PAPER_CONTROLLER)
     h = cached_design("fdi", "fdi_node.synthesis", point, sample_time_s, fdi)
     q = cached_design(
         "compensator",
@@ -34,13 +39,10 @@ def all_blocks(point: str, sample_time_s: float = DEFAULT_SAMPLE_TIME_S) -> list
         fdi,
     )
     return [
-        BlockReport.from_array(text)
-        for text in (
-            k0["report"],
-            h["report_H_N"],
-            h["report_H_p"],
-            q["report_Q_both"],
-            q["report_Q_act"],
-            q["report_Q_sen"],
-        )
+        BlockReport.from_array(k0["report"]),
+        replace(BlockReport.from_array(paper["report"]), block="K0_paper"),
+        *(
+            BlockReport.from_array(text)
+            for text in (h["report_H_N"], h["report_H_p"], q["report_Q_both"], q["report_Q_act"], q["report_Q_sen"])
+        ),
     ]

@@ -43,7 +43,7 @@ def generalised_plant(model: DesignModel, weights: ControllerWeights) -> control
     """
     system = model.system
     n, C = len(system.A), system.C[:2]
-    pole = weights.integrator_rad_s * np.eye(2)
+    pole = np.diag(weights.integrator_rad_s)
     direct = np.diag(1.0 / np.array(weights.peak))
     into = np.diag(weights.bandwidth_rad_s) - pole @ direct
     A = np.block([[system.A, np.zeros((n, 2))], [-into @ C, -pole]])

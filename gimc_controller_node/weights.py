@@ -34,8 +34,8 @@ class ControllerWeights:
         Where the weights of e_pe and e_SH cross one.
     peak : tuple of float
         What the sensitivities may reach at high frequency.
-    integrator_rad_s : float
-        Pole of the errors' weights: the "near-integrator".
+    integrator_rad_s : tuple of float
+        Poles of the errors' weights: the "near-integrators".
     command : tuple of float
         Weights of N and alpha.
     output : tuple of float
@@ -54,7 +54,7 @@ class ControllerWeights:
 
     bandwidth_rad_s: tuple[float, float] = (0.3, 0.1)
     peak: tuple[float, float] = (2.0, 2.0)
-    integrator_rad_s: float = 1e-4
+    integrator_rad_s: tuple[float, float] = (1e-4, 1e-4)
     command: tuple[float, float] = (0.05, 0.1)
     output: tuple[float, float] = (0.1, 0.1)
     noise: float = 1e-4
@@ -63,6 +63,19 @@ class ControllerWeights:
     reduction: float = 1e-3
     limits: CommandLimits = CommandLimits()
 
+
+PAPER_CONTROLLER = ControllerWeights(
+    bandwidth_rad_s=(0.3, 0.02),
+    peak=(2.0, 10.0),
+    integrator_rad_s=(1e-4, 0.2),
+    command=(0.365, 0.1),
+    output=(0.1, 0.05),
+)
+"""K0 as the paper's passive case has it: it holds p_e, lets SH go, and moves the valve as well as the compressor.
+
+An actuator fault of 40 rpm is then taken back by 20 rpm, the rest by the valve. The default of `ControllerWeights`
+holds both references instead and takes back all of it.
+"""
 
 COMPENSATOR_NOISE = MeasurementNoise((0.1, 0.1, 0.05))
 

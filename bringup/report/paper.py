@@ -25,9 +25,9 @@ ACCOMMODATION: dict[str, PaperFigures] = {
         passive={"command_change_rpm": -20.0},
         active={"command_change_rpm": -40.0, "steady_pressure_error_kpa": 0.0},
         remark=(
-            "The paper's passive controller gives back only half of the 40 rpm: its K0 has no integral action on this "
-            "error. Ours is nearly integrating and brings the passive loop to rest at about -40 rpm as well; what "
-            "accommodation buys here is the transient of the evaporator pressure."
+            "The paper's passive controller takes back only half of the 40 rpm: its K0 holds p_e and lets SH go. The "
+            "K0 of this run holds both references and brings the passive loop to rest at about -40 rpm as well; what "
+            "accommodation buys here is the transient of the evaporator pressure. `acftc reproduce` shows both."
         ),
     ),
     "sensor_fault": PaperFigures(
