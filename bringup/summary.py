@@ -19,8 +19,9 @@ from bringup.units import FAULT_UNITS, KPA, RPM
 WINDOW_S = 20.0
 #: A detection this long after a fault has gone away still belongs to it, s.
 GRACE_S = 60.0
-#: The actual p_e is back when it stays this near to its reference, kPa (0.1 % of p_e at the medium point).
-SETTLED_KPA = 0.25
+#: The actual p_e is back when it stays this near to its reference, kPa (0.1 % of p_e at the medium point), and so many
+#: standard deviations of what it did just before the fault: with noise it is never quieter than that.
+SETTLED_KPA, SETTLED_DEVIATIONS = 0.25, 4.0
 
 _TRUTH = {"compressor_speed": "fault/compressor_speed:compressor", "evaporator_pressure": "fault/evaporator_pressure"}
 
@@ -51,7 +52,8 @@ def summarise(recording: Recording) -> dict[str, Any]:
         ``isolated_s``, ``isolated_as`` (the first fault named after the onset), ``estimate`` (the detector's size of
         that fault, averaged over the last 20 s of its isolation); and, until the next fault, of the *actual* p_e minus
         its reference: ``peak_pressure_error_kpa``, the largest magnitude, and ``settled_s``, from when on it stays
-        within `SETTLED_KPA` (the onset itself when it never leaves that; None when it does not come back).
+        within ``settled_within_kpa`` (the onset itself when it never leaves that; None when it does not come back):
+        `SETTLED_KPA` and, with noise, `SETTLED_DEVIATIONS` of the 20 s before the fault.
 
         ``false_alarms``: detections that begin while no fault is present nor was within the last 60 s, plus isolations
         that name a fault that is not there although another one is.
@@ -219,7 +221,8 @@ def _fault_summary(recording: Recording, faults: list[InjectedFault], number: in
     # While an earlier fault is still detected, a new one shows first when it is named.
     detection = isolation if was_detected else next((row for row in rows if row.detected), None)
     unit, in_si = FAULT_UNITS[fault.kind]
-    peak_kpa, settled_s = _pressure_error(recording, fault.onset_s, until_s)
+    within_kpa = _usual_error_kpa(recording, fault.onset_s)
+    peak_kpa, settled_s = _pressure_error(recording, fault.onset_s, until_s, within_kpa)
     return {
         "kind": fault.kind,
         "onset_s": fault.onset_s,
@@ -232,11 +235,23 @@ def _fault_summary(recording: Recording, faults: list[InjectedFault], number: in
         "estimate": _estimate(rows, isolation),
         "peak_pressure_error_kpa": peak_kpa,
         "settled_s": settled_s,
+        "settled_within_kpa": within_kpa,
     }
 
 
-def _pressure_error(recording: Recording, start_s: float, stop_s: float) -> tuple[float | None, float | None]:
-    """Peak of the actual p_e off its reference, kPa, and from when on it is back; between two times."""
+def _usual_error_kpa(recording: Recording, onset_s: float) -> float:
+    """How far the actual p_e may be from its reference and count as back there."""
+    series, time_s = recording.series, recording.time_s
+    before = (time_s >= onset_s - WINDOW_S) & (time_s < onset_s)
+    error = (series["plant/evaporator_pressure"] - series["reference/evaporator_pressure"])[before] / KPA
+    error = error[np.isfinite(error)]
+    return SETTLED_KPA + (SETTLED_DEVIATIONS * float(error.std()) if len(error) else 0.0)
+
+
+def _pressure_error(
+    recording: Recording, start_s: float, stop_s: float, within_kpa: float
+) -> tuple[float | None, float | None]:
+    """Peak of the actual p_e off its reference, kPa, and from when on it stays within a band; between two times."""
     series, time_s = recording.series, recording.time_s
     inside = (time_s >= start_s) & (time_s < stop_s)
     error_kpa = np.abs(series["plant/evaporator_pressure"] - series["reference/evaporator_pressure"])[inside] / KPA
@@ -244,7 +259,7 @@ def _pressure_error(recording: Recording, start_s: float, stop_s: float) -> tupl
     error_kpa, time_s = error_kpa[known], time_s[inside][known]
     if not len(error_kpa):
         return None, None
-    off = np.flatnonzero(error_kpa > SETTLED_KPA)
+    off = np.flatnonzero(error_kpa > within_kpa)
     if not len(off):
         settled_s: float | None = start_s
     elif off[-1] + 1 < len(time_s):

@@ -1,7 +1,9 @@
 """`report.html`: one run as a page that needs nothing else, with the paper's plots and its numbers beside ours."""
 
 import base64
+import gzip
 import html
+import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -19,7 +21,7 @@ from bringup.report.panels import STORY, around, charts_of, cut
 from bringup.report.paper import figures_for
 from bringup.report.story import as_html, story
 from bringup.ros.health import health_of
-from bringup.summary import SETTLED_KPA, WINDOW_S, summarise
+from bringup.summary import SETTLED_DEVIATIONS, SETTLED_KPA, WINDOW_S, summarise
 
 _METRICS = (
     ("command_change_rpm", "Change of the commanded compressor speed at rest", "rpm", "+.2f"),
@@ -103,6 +105,7 @@ def render(
         contents="".join(f"<a href=#{name}>{heading}</a>" for name, heading, _ in sections),
         facts=_facts(summary, scenario, recording.metadata),
         body="\n".join(f"<h2 id={name}>{heading}</h2>\n{text}" for name, heading, text in sections),
+        script=plots.script(),
     )
 
 
@@ -111,27 +114,35 @@ class _Plots:
 
     def __init__(self, pictures: Path | None) -> None:
         self._pictures = pictures
-        self._library = True
+        self._figures: dict[str, Any] = {}
 
     def put(self, charts: Sequence[Chart], name: str, title: str, *, wide: bool = False) -> str:
         """HTML of `charts`, two beside each other, or one if `wide`; `name` is added to the picture's file name."""
-        columns, size_in = (1, _WIDE_IN) if wide else (2, stills.SIZE_IN)
         from bringup.report.interactive import figure  # takes half a second to import
 
-        moving = figure(charts, columns).to_html(
-            full_html=False,
-            include_plotlyjs=self._library,
-            div_id=f"plots{name}",
-            config={"responsive": True, "displaylogo": False, "toImageButtonOptions": {"format": "svg", "scale": 1}},
-        )
-        self._library = False  # once in a page is enough
+        columns, size_in = (1, _WIDE_IN) if wide else (2, stills.SIZE_IN)
+        moving = figure(charts, columns)
+        self._figures[f"plots{name}"] = moving
         if self._pictures is None:
             still = stills.draw(charts, columns, title, size_in)
         else:
             still = stills.save(charts, self._pictures.with_name(self._pictures.name + name), columns, title, size_in)
         data = base64.b64encode(still.encode()).decode()
         picture = f'<img alt="{html.escape(title)}" src="data:image/svg+xml;base64,{data}">'
-        return f"<div class=screen>{moving}</div><div class=print>{picture}</div>"
+        place = f'<div id=plots{name} style="height:{moving.layout.height}px"></div>'
+        return f"<div class=screen>{place}</div><div class=print>{picture}</div>"
+
+    def script(self) -> str:
+        """The plotting library and all plots as the page unpacks them: gzip in base64, less than half the size."""
+        from plotly.offline import get_plotlyjs
+
+        figures = ", ".join(f'"{name}": {moving.to_json()}' for name, moving in self._figures.items())
+        config = {"responsive": True, "displaylogo": False, "toImageButtonOptions": {"format": "svg", "scale": 1}}
+        text = (
+            f"{get_plotlyjs()}\nfor (const [name, plot] of Object.entries({{{figures}}}))\n"
+            f"  Plotly.newPlot(name, plot.data, plot.layout, {json.dumps(config)});\n"
+        )
+        return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()
 
 
 # ------------------------------------------------------------------------------------------------------- sections
@@ -177,7 +188,8 @@ def _faults_table(summary: Mapping[str, Any]) -> str:
     heads += ["p<sub>e</sub> off by, kPa", "p<sub>e</sub> back, s"]
     note = (
         "Times from the start of the run. “p<sub>e</sub> back”: from then on until the next fault the actual "
-        f"p<sub>e</sub> stays within {SETTLED_KPA:g} kPa of its reference."
+        f"p<sub>e</sub> stays within {SETTLED_KPA:g} kPa of its reference (with noise: and {SETTLED_DEVIATIONS:g} "
+        f"standard deviations of the {WINDOW_S:g} s before the fault)."
     )
     return _table(heads, rows) + f"<p class=note>{note}</p>"
 

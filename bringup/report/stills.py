@@ -8,8 +8,11 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from bringup.files import write_whole
-from bringup.report.charts import GREY, Chart, Mark, Points
+from bringup.report.charts import GREY, Chart, Curve, Mark, Points
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,6 +23,8 @@ Size = tuple[float, float]
 SIZE_IN: Size = (5.6, 2.55)
 _LEFT_IN, _RIGHT_IN, _TOP_IN, _BOTTOM_IN, _HEAD_IN = 0.72, 0.14, 0.56, 0.5, 0.3
 _DPI = 150
+#: Of so many stretches of a curve a picture shows the lowest and the highest point; each is 0.3 mm wide.
+_STRETCHES = 400
 #: Where the first is missing, the second has the same widths.
 _FONTS = "'DejaVu Sans', Verdana, sans-serif"
 _POINT = re.compile(r"^([ML]) (-?\d+\.\d\d)\d* (-?\d+\.\d\d)\d*", re.MULTILINE)
@@ -126,8 +131,7 @@ def _chart(axes: "Axes", chart: Chart) -> None:
         axes.axvline(mark.at, color=mark.colour, linestyle=_DASHES[mark.dash], linewidth=0.9, zorder=1.5)
     for curve in chart.curves:
         axes.plot(
-            curve.x,
-            curve.y,
+            *_thinned(curve),
             color=curve.colour,
             linestyle=_DASHES[curve.dash],
             linewidth=0.75 * curve.width,
@@ -159,6 +163,19 @@ def _chart(axes: "Axes", chart: Chart) -> None:
             columnspacing=1.2,
             borderaxespad=0.1,
         )
+
+
+def _thinned(curve: Curve) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """As many points as a picture can show: of each stretch of a longer curve the lowest and the highest."""
+    stretch = len(curve.x) // _STRETCHES
+    if stretch < 3:
+        return curve.x, curve.y
+    whole = curve.y[: stretch * (len(curve.y) // stretch)].reshape(-1, stretch)
+    low = np.where(np.isnan(whole), np.inf, whole).argmin(axis=1)  # of nothing but gaps: the first
+    high = np.where(np.isnan(whole), -np.inf, whole).argmax(axis=1)
+    starts = np.arange(len(whole)) * stretch
+    keep = np.unique(np.concatenate([starts + low, starts + high, np.arange(whole.size, len(curve.y)), [0]]))
+    return curve.x[keep], curve.y[keep]
 
 
 def _points(axes: "Axes", points: Points) -> None:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from bringup.report.nodes import Event
-from bringup.summary import SETTLED_KPA
 
 GOOD, BAD, PLAIN = "good", "bad", "plain"
 
@@ -105,12 +104,13 @@ def _effect(fault: Mapping[str, Any], passive: bool, beside: Mapping[str, Any] |
 
 def _course(fault: Mapping[str, Any]) -> str:
     peak = f"{fault['peak_pressure_error_kpa']:.2f} kPa"
+    within = f"{fault['settled_within_kpa']:.2f} kPa"
     if fault["settled_s"] is None:
-        return f"left its reference by up to {peak} and did not come back to within {SETTLED_KPA:g} kPa"
+        return f"left its reference by up to {peak} and did not come back to within {within}"
     after = fault["settled_s"] - fault["onset_s"]
     if after <= 0.0:
         return f"stayed within {peak} of its reference"
-    return f"left its reference by up to {peak} and was back within {SETTLED_KPA:g} kPa for good after {after:.1f} s"
+    return f"left its reference by up to {peak} and was back within {within} for good after {after:.1f} s"
 
 
 def _at_rest(summary: Mapping[str, Any]) -> Sentence:

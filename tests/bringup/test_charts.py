@@ -109,7 +109,7 @@ def test_a_run_is_drawn_with_axes_units_and_what_the_marks_mean(charts: list[Cha
         ("fault begins", 100.0),
         ("detected", 103.0),
         ("isolated, its Q takes over", 107.0),
-        ("p<sub>e</sub> back within 0.25 kPa", pytest.approx(118.4)),
+        ("p<sub>e</sub> back at its reference", pytest.approx(118.4)),
     ]
     residual = next(chart for chart in charts if chart.y_title == "r<sub>N</sub>, rpm")
     assert [(points.name, list(points.x)) for points in residual.points] == [

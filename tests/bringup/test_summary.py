@@ -53,6 +53,13 @@ def test_when_the_pressure_is_back_for_good(recording_of: Make):
     calm = recording_of(faults=[ACTUATOR])
     calm.series["plant/evaporator_pressure"] = calm.series["reference/evaporator_pressure"] + 0.2 * KPA
     assert summarise(calm)["faults"][0]["settled_s"] == 100.0
+    # Noise of 0.2 kPa is there before the fault as after it; a bump of 3 kPa is not.
+    noisy = recording_of(faults=[ACTUATOR])
+    noisy.series["plant/evaporator_pressure"] += 200.0 * np.random.default_rng(1).normal(size=len(noisy.time_s))
+    noisy.series["plant/evaporator_pressure"] += 3 * KPA * ((noisy.time_s > 100) & (noisy.time_s < 130))
+    (fault,) = summarise(noisy)["faults"]
+    assert fault["settled_s"] == pytest.approx(130.0)
+    assert fault["settled_within_kpa"] == pytest.approx(0.25 + 4 * 0.2, rel=0.1)
     # What comes after the next fault is that one's.
     first, second = summarise(recording_of(faults=[ACTUATOR, SENSOR]))["faults"]
     assert (first["settled_s"], second["settled_s"]) == (pytest.approx(118.4), pytest.approx(168.4))
