@@ -22,6 +22,7 @@ from bringup.report.paper import figures_for
 from bringup.report.story import as_html, story
 from bringup.ros.health import health_of
 from bringup.summary import SETTLED_DEVIATIONS, SETTLED_KPA, WINDOW_S, summarise
+from bringup.topics import BRINGUP
 
 _METRICS = (
     ("command_change_rpm", "Change of the commanded compressor speed at rest", "rpm", "+.2f"),
@@ -260,7 +261,7 @@ def _nodes(recording: Recording, reports: Sequence[Report], plots: _Plots) -> st
             _cell(node.latency_max_ms, ".2f"),
             f"{node.rejected_inputs} {html.escape(node.last_rejected)}",
         ]
-        for node in health_of((report.node, report.values) for report in reports)
+        for node in health_of((report.node, report.values) for report in reports if report.node != BRINGUP)
     ]
     heads = ["Node", "State in its last report", "Inputs to outputs, typical, ms", "longest, ms", "Inputs refused"]
     latency = recording.metadata.get("command_latency_ms")

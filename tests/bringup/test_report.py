@@ -228,6 +228,21 @@ def test_what_is_out_of_the_ordinary_is_an_event():
     ]
 
 
+def test_a_node_that_was_started_again_is_an_event():
+    restarts = [
+        {"node": "fdi", "died_s": 12.5, "reason": "killed by SIGKILL: ", "back_s": 14.0},
+        {"node": "recorder", "died_s": 20.0, "reason": "exit code 1: disk full", "back_s": float("nan")},
+    ]
+    reports = [
+        Report(13.0, "bringup", "restarting fdi", {"restarts": json.dumps(restarts[:1])}),
+        Report(21.0, "bringup", "restarting recorder", {"restarts": json.dumps(restarts)}),
+    ]
+    assert [(event.time_s, event.node, event.what) for event in events_of(reports)] == [
+        (12.5, "fdi", "died (killed by SIGKILL: ) and was started again; back in service 1.5 s later"),
+        (20.0, "recorder", "died (exit code 1: disk full) and was started again; not back in service"),
+    ]
+
+
 def test_timing_over_the_run_is_drawn_node_by_node():
     reports = [report(float(k), latency_p50_ms="0.2", latency_max_ms="nan", rate_hz="10") for k in range(3)]
     reports += [
