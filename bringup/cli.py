@@ -33,7 +33,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "Recordings": ("report", "replay"),
     "A running graph": ("dash", "topics"),
     "Plant and designs": ("equilibria", "calibrate", "design", "reproduce"),
-    "This machine": ("bench", "completion"),
+    "This machine": ("bench", "campaign", "completion"),
 }
 
 

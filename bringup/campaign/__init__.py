@@ -1,0 +1,1 @@
+"""Fault campaigns: seeded faults of processes, messages and the plant at once, and the promises checked afterwards."""

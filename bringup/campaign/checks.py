@@ -1,0 +1,220 @@
+"""The promises of the graph, judged over what a run of a campaign has left: pure functions over recorded data."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bringup.campaign.plan import MessageFaultKind, Plan, ProcessFault
+from bringup.ros.restarts import Restart
+from bringup.topics import CONTROLLER, FDI, INJECTOR, PLANT, RECORDER
+
+#: A node that was killed is back in service within this, s.
+BACK_WITHIN_S = 3.0
+#: What the recorder may lose when it is killed, s: what it had not flushed.
+UNFLUSHED_S = 0.5
+#: How long after the end of a process fault its effects may last, s: restart, discovery, the loop's own hold.
+AFTERMATH_S = 4.0
+#: How far before its planned time a fault may show in the recording (what was in the recorder's hands), s.
+BEFORE_S = 1.0
+#: Rounding of a stride that was read back from a message.
+ROUNDING = 1e-9
+#: Where the plant's pressure and superheat stay, whatever is done to the software: kPa, K.
+PRESSURE_KPA = (100.0, 600.0)
+LOWEST_SUPERHEAT_K = 0.0
+
+_REASONS: dict[MessageFaultKind, tuple[str, ...]] = {
+    "nan": ("not finite", "nan", "range"),
+    "wrong_unit": ("range", "unit"),
+    "out_of_range": ("range",),
+}
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Of the controller's command, shape (2,) each: smallest, largest [rad/s, 0..1], most change a tick."""
+
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    stride: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a run has left.
+
+    Attributes
+    ----------
+    plan : what was done.
+    problem : why the run ended early; empty when it did not.
+    ticks : number of ticks recorded.
+    command : (n, 2) every recorded ``controller/command`` in the order of its stamps [rad/s, 0..1].
+    command_s : (n,) stamps, s since the first tick.
+    pressure_kpa, superheat_k : (ticks,) actual values; nan where the recorder was away.
+    restarts : what bringup started again.
+    rejected : messages refused, by node, then by reason.
+    limits : of the command.
+    left : command lines of processes that were still there after the run.
+    complete : whether the bag was closed as it should be.
+    """
+
+    plan: Plan
+    problem: str
+    ticks: int
+    command: NDArray[np.float64]
+    command_s: NDArray[np.float64]
+    pressure_kpa: NDArray[np.float64]
+    superheat_k: NDArray[np.float64]
+    restarts: Sequence[Restart]
+    rejected: Mapping[str, Mapping[str, int]]
+    limits: Limits
+    left: Sequence[str] = ()
+    complete: bool = True
+    files: Sequence[str] = field(default=())
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One promise: kept or broken, and what was seen; `kept` None: nothing in this run could show it."""
+
+    promise: str
+    kept: bool | None
+    seen: str = ""
+
+
+def run_goes_on(evidence: Evidence) -> Verdict:
+    """Whatever dies but the plant, the run comes to its end."""
+    return Verdict("the run goes on to its end", not evidence.problem, evidence.problem)
+
+
+def killed_nodes_come_back(evidence: Evidence) -> Verdict:
+    """Every node that was killed is started again and works."""
+    killed = [fault.node for fault in evidence.plan.processes if fault.kind == "kill"]
+    back = [restart.node for restart in evidence.restarts if math.isfinite(restart.back_s)]
+    lost = sorted(set(killed) - set(back))
+    if not killed:
+        return Verdict("killed nodes come back", None)
+    return Verdict("killed nodes come back", not lost, f"not back: {', '.join(lost)}" if lost else ", ".join(back))
+
+
+def back_in_time(evidence: Evidence) -> Verdict:
+    """Each within three seconds."""
+    took = {r.node: r.back_s - r.died_s for r in evidence.restarts if math.isfinite(r.back_s)}
+    if not took:
+        return Verdict(f"back within {BACK_WITHIN_S:g} s", None)
+    slowest = max(took, key=lambda node: took[node])
+    seen = f"{slowest} after {took[slowest]:.1f} s"
+    return Verdict(f"back within {BACK_WITHIN_S:g} s", took[slowest] <= BACK_WITHIN_S, seen)
+
+
+def only_killed_nodes_were_restarted(evidence: Evidence) -> Verdict:
+    """Nothing dies of itself, of bad messages, or of a neighbour's death."""
+    killed = [fault.node for fault in evidence.plan.processes if fault.kind == "kill"]
+    others = [f"{restart.node} ({restart.reason[:80]})" for restart in evidence.restarts if restart.node not in killed]
+    return Verdict("no other node dies", not others, ", ".join(others))
+
+
+def commands_are_numbers(evidence: Evidence) -> Verdict:
+    """Never a nan or inf on controller/command."""
+    bad = int(np.count_nonzero(~np.isfinite(evidence.command)))
+    return Verdict("no nan on controller/command", bad == 0, f"{bad} of {evidence.command.size} values")
+
+
+def commands_keep_their_limits(evidence: Evidence) -> Verdict:
+    """Within 0-6000 rpm and 0-100 %."""
+    limits = evidence.limits
+    outside = int(np.count_nonzero((evidence.command < limits.low) | (evidence.command > limits.high)))
+    return Verdict("commands within their limits", outside == 0, f"{outside} outside" if outside else "")
+
+
+def commands_do_not_jump(evidence: Evidence) -> Verdict:
+    """From one tick to the next no more than the rate limits allow, also across restarts of the controller."""
+    if len(evidence.command) < 2:
+        return Verdict("no jump of the command", None)
+    tick_s = evidence.plan.scenario.sample_time_s
+    ticks = np.maximum(np.rint(np.diff(evidence.command_s) / tick_s), 1.0)
+    share = np.abs(np.diff(evidence.command, axis=0)) / (ticks[:, None] * evidence.limits.stride)
+    worst = float(np.nanmax(share))
+    return Verdict("no jump of the command", worst <= 1.0 + ROUNDING, f"at most {worst:.0%} of the rate limit")
+
+
+def no_command_is_missed(evidence: Evidence) -> Verdict:
+    """A command in every tick while the controller, what it hears from, and the recorder are alive and running."""
+    tick_s = evidence.plan.scenario.sample_time_s
+    ticks = np.rint(evidence.command_s / tick_s).astype(np.int64)
+    missing = np.setdiff1d(np.arange(evidence.ticks), ticks) * tick_s
+    for fault in evidence.plan.processes:
+        if fault.node in (CONTROLLER, RECORDER, INJECTOR):
+            start_s, end_s = disturbed(fault, evidence.restarts)
+            missing = missing[(missing < start_s) | (missing > end_s)]
+    # The last tick's command may come after the plant has finished, and so after the recorder has.
+    missing = missing[missing < (evidence.ticks - 3) * tick_s]
+    seen = f"{len(missing)} missed, the first at {missing[0]:.1f} s" if len(missing) else ""
+    return Verdict("no command is missed", len(missing) == 0, seen)
+
+
+def disturbed(fault: ProcessFault, restarts: Sequence[Restart]) -> tuple[float, float]:
+    """From when to when a process fault may show in the recording, s."""
+    ends = [r.back_s for r in restarts if r.node == fault.node and math.isfinite(r.back_s)]
+    end_s = max([fault.at_s + fault.lasts_s, *ends])
+    return fault.at_s - BEFORE_S, end_s + AFTERMATH_S
+
+
+def bad_messages_are_refused(evidence: Evidence) -> Verdict:
+    """What is no number, of another unit or out of range is counted by who refused it."""
+    kinds = [fault.kind for fault in evidence.plan.messages if fault.kind in _REASONS]
+    if not kinds:
+        return Verdict("bad messages are refused", None)
+    counts = {node: sum(evidence.rejected.get(node, {}).values()) for node in (FDI, CONTROLLER, PLANT)}
+    seen = ", ".join(f"{node} {count}" for node, count in counts.items())
+    return Verdict("bad messages are refused", any(counts.values()), seen)
+
+
+def plant_stays_where_it_is_safe(evidence: Evidence) -> Verdict:
+    """Evaporator pressure and superheat within what the plant stands."""
+    pressure, superheat = evidence.pressure_kpa, evidence.superheat_k
+    if not np.isfinite(pressure).any():
+        return Verdict("the plant stays safe", None)
+    low, high, dry = float(np.nanmin(pressure)), float(np.nanmax(pressure)), float(np.nanmin(superheat))
+    kept = PRESSURE_KPA[0] <= low and high <= PRESSURE_KPA[1] and dry >= LOWEST_SUPERHEAT_K
+    return Verdict("the plant stays safe", kept, f"{low:.0f}-{high:.0f} kPa, superheat at least {dry:.1f} K")
+
+
+def bag_is_complete(evidence: Evidence) -> Verdict:
+    """Every tick is in the bag; a killed recorder loses what it had not flushed and the time until it is back."""
+    wanted = evidence.plan.scenario.ticks
+    missing = np.flatnonzero(~np.isfinite(evidence.pressure_kpa)) * evidence.plan.scenario.sample_time_s
+    for fault in evidence.plan.processes:
+        if fault.node == RECORDER and fault.kind == "kill":
+            start_s, end_s = disturbed(fault, evidence.restarts)
+            missing = missing[(missing < start_s - UNFLUSHED_S) | (missing > end_s)]
+    kept = evidence.ticks == wanted and len(missing) == 0
+    return Verdict("the bag is complete", kept, f"{evidence.ticks} of {wanted} ticks, {len(missing)} without a reason")
+
+
+def nothing_is_left_running(evidence: Evidence) -> Verdict:
+    """No process of the run is there after it."""
+    return Verdict("nothing is left running", not evidence.left, ", ".join(evidence.left)[:200])
+
+
+CHECKS: tuple[Callable[[Evidence], Verdict], ...] = (
+    run_goes_on,
+    killed_nodes_come_back,
+    back_in_time,
+    only_killed_nodes_were_restarted,
+    commands_are_numbers,
+    commands_keep_their_limits,
+    commands_do_not_jump,
+    no_command_is_missed,
+    bad_messages_are_refused,
+    plant_stays_where_it_is_safe,
+    bag_is_complete,
+    nothing_is_left_running,
+)
+
+
+def judge(evidence: Evidence) -> list[Verdict]:
+    """All verdicts over one run."""
+    return [check(evidence) for check in CHECKS]

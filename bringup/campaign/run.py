@@ -1,0 +1,173 @@
+"""Runs the plans of a campaign through the graph of processes, on the wall clock, and gathers what is left."""
+
+import json
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bringup.bags.reader import health_reports, loop_messages, read_bag, read_raw
+from bringup.campaign.checks import Evidence, Limits, Verdict, judge
+from bringup.campaign.plan import Plan, ProcessFault, plan
+from bringup.designs import design_of
+from bringup.errors import BringupError
+from bringup.files import write_whole
+from bringup.ros.cdr import NANOSECONDS, columns, stamps_ns
+from bringup.ros.graph import GraphRun, run_graph
+from bringup.ros.own_nodes import OwnNodes
+from bringup.topics import BY_NAME, CONTROLLER, INJECTOR
+from bringup.units import KPA
+
+COMMAND = BY_NAME["controller/command"]
+REJECTED = "rejected/"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One seed: what was done, and which promises were kept."""
+
+    plan: Plan
+    verdicts: tuple[Verdict, ...]
+    seconds: float
+
+    @property
+    def broken(self) -> list[Verdict]:
+        """Promises that were not kept."""
+        return [verdict for verdict in self.verdicts if verdict.kept is False]
+
+
+def run_seed(seed: int, folder: Path, duration_s: float, progress: Callable[[int, int], None] | None = None) -> Outcome:
+    """Run one seed; the bag, the logs and the plan stay in `folder`."""
+    started_s = time.monotonic()
+    folder = folder.resolve()
+    chosen = plan(seed, duration_s)
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / "plan.json"
+    content = {"seed": seed, "messages": [asdict(fault) for fault in chosen.messages], "happens": chosen.lines()}
+    write_whole(file, json.dumps(content, indent=2) + "\n")
+    own = OwnNodes({INJECTOR: [sys.executable, "-m", "bringup.campaign.suffering_injector", str(file)]})
+    attacker = Attacker(chosen.processes, folder)
+
+    def follow(tick: int, ticks: int) -> None:
+        if tick > 0:
+            attacker.begin(tick * chosen.scenario.sample_time_s)
+        if progress is not None:
+            progress(tick, ticks)
+
+    run, problem = None, ""
+    try:
+        run = run_graph(chosen.scenario, folder, mode="realtime", progress=follow, own=own)
+    except BringupError as failure:
+        problem = str(failure)
+    finally:
+        attacker.end()
+    evidence = gather(chosen, folder, run, problem)
+    return Outcome(chosen, tuple(judge(evidence)), time.monotonic() - started_s)
+
+
+class Attacker:
+    """Sends the signals of a plan to the nodes of the run in `folder`, when their time has come."""
+
+    def __init__(self, faults: tuple[ProcessFault, ...], folder: Path) -> None:
+        self._faults = faults
+        self._folder = folder
+        self._over = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def begin(self, run_s: float) -> None:
+        """Count from now, when the run is `run_s` old; later calls do nothing."""
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._attack, args=(time.monotonic() - run_s,), daemon=True)
+            self._thread.start()
+
+    def end(self) -> None:
+        """Stop: the run is over."""
+        self._over.set()
+        if self._thread is not None:
+            self._thread.join()
+
+    def _attack(self, started_s: float) -> None:
+        for fault in self._faults:
+            if self._over.wait(max(started_s + fault.at_s - time.monotonic(), 0.0)):
+                return
+            pid = node_process(fault.node, self._folder)
+            if pid is None:
+                continue
+            if fault.kind == "kill":
+                os.kill(pid, signal.SIGKILL)
+                continue
+            os.kill(pid, signal.SIGSTOP)
+            try:
+                self._over.wait(fault.lasts_s)
+            finally:
+                if node_process(fault.node, self._folder) == pid:
+                    os.kill(pid, signal.SIGCONT)
+
+
+def node_process(node: str, folder: Path) -> int | None:
+    """Process of a node of the run whose results go to `folder`, among the children of this process."""
+    parameters = os.fsencode(folder / "log" / f"{node}.yaml")
+    for pid in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split():
+        try:
+            words = Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
+        except OSError:
+            continue  # gone meanwhile
+        if parameters in words:
+            return int(pid)
+    return None
+
+
+def gather(chosen: Plan, folder: Path, run: GraphRun | None, problem: str) -> Evidence:
+    """What a run has left, for the checks."""
+    scenario = chosen.scenario
+    design = design_of(CONTROLLER, scenario.operating_point, scenario.sample_time_s)
+    limits = Limits(design.command_min, design.command_max, design.command_rate * scenario.sample_time_s)
+    recording, raw = read_bag(folder / "bag"), read_raw(folder / "bag")
+    messages = loop_messages(raw, COMMAND)
+    beats = loop_messages(raw, BY_NAME["plant/evaporator_pressure"])
+    stamps = stamps_ns(messages)
+    order = np.argsort(stamps, kind="stable")
+    first = int(stamps_ns(beats[:1])[0]) if beats else 0
+    rejected: dict[str, dict[str, int]] = {}
+    for name, values in health_reports(raw):
+        for key, value in values.items():
+            if key.startswith(REJECTED) and value.isdecimal():
+                by_reason = rejected.setdefault(name, {})
+                reason = key.removeprefix(REJECTED)
+                by_reason[reason] = max(by_reason.get(reason, 0), int(value))
+    return Evidence(
+        plan=chosen,
+        problem=problem,
+        ticks=len(recording.time_s),
+        command=np.column_stack(columns(COMMAND, messages))[order],
+        command_s=(stamps[order] - first) / NANOSECONDS,
+        pressure_kpa=recording.series["plant/evaporator_pressure"] / KPA,
+        superheat_k=recording.series["plant/superheat"],
+        restarts=run.restarts if run is not None else (),
+        rejected=rejected,
+        limits=limits,
+        left=_left(folder),
+    )
+
+
+def _left(folder: Path) -> list[str]:
+    """Nodes of the run that are still there."""
+    return [file.stem for file in sorted((folder / "log").glob("*.yaml")) if node_process(file.stem, folder)]
+
+
+def as_dict(outcome: Outcome) -> dict[str, Any]:
+    """One seed for JSON."""
+    return {
+        "seed": outcome.plan.seed,
+        "happens": outcome.plan.lines(),
+        "verdicts": [asdict(verdict) for verdict in outcome.verdicts],
+        "kept": not outcome.broken,
+        "seconds": outcome.seconds,
+    }
