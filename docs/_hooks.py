@@ -1,4 +1,8 @@
-"""What `mkdocs build` does on top: formulas become MathML, which browsers draw by themselves, without a network."""
+r"""What `mkdocs build` does on top.
+
+Formulas become MathML, which browsers draw by themselves, without a network. And `\|` in the code of a table becomes
+`|`, as everywhere but in Python's Markdown.
+"""
 
 import html
 import re
@@ -8,11 +12,12 @@ from latex2mathml.converter import convert
 
 #: What pymdownx.arithmatex leaves of `$...$` and `$$...$$`.
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
+CELL = re.compile(r"<td.*?</td>", re.DOTALL)
 
 
 def on_page_content(content: str, **_: Any) -> str:
-    """Convert the formulas of a page."""
-    return FORMULA.sub(_mathml, content)
+    """Convert the formulas of a page, and mend the code in its tables."""
+    return CELL.sub(lambda cell: cell[0].replace("\\|", "|"), FORMULA.sub(_mathml, content))
 
 
 def _mathml(found: re.Match[str]) -> str:

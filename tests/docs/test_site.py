@@ -85,3 +85,15 @@ def test_citation_agrees_with_the_project() -> None:
 def test_changelog_has_the_unreleased_heading_or_the_version() -> None:
     headings = re.findall(r"^## \[([^\]]+)\]", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
     assert headings[0] in ("Unreleased", VERSION)
+
+
+def test_paths_that_the_documentation_names_exist() -> None:
+    """What stands in backquotes and has a folder of ours in front."""
+    missing = {}
+    for page in [*(ROOT / "docs").rglob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]:
+        named = re.findall(
+            r"`((?:bringup|docs|examples|layouts|tests|gimc|fdi_node|ac_plant_node|gimc_controller_node)/[\w./-]+)`",
+            page.read_text(encoding="utf-8"),
+        )
+        missing |= {f"{page.name}: {path}": None for path in named if not (ROOT / path).exists()}
+    assert not missing
