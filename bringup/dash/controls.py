@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from bokeh.models import InlineStyleSheet
 from bokeh.models.widgets import Button, RadioButtonGroup, Select, Spinner
 
 from bringup.dash.link import Link, View
@@ -16,8 +15,8 @@ from fault_injector_node.node import PARAMETERS as INJECTOR_PARAMETERS
 
 POINTS = ("low", "med", "high")
 
-STYLE = InlineStyleSheet(
-    css="""
+#: Look of all widgets: they live in shadow roots, where the page's own style does not reach.
+STYLE = """
 :host { font-family: system-ui, sans-serif; font-size: 14px; color: #1a1a1a; margin: 0; }
 label { font-size: 13px; color: #1a1a1a; }
 input, select { min-height: 30px; font-size: 14px; color: #1a1a1a; border-color: #767676; }
@@ -28,8 +27,6 @@ input, select { min-height: 30px; font-size: 14px; color: #1a1a1a; border-color:
 .bk-btn:focus-visible, input:focus-visible, select:focus-visible { outline: 3px solid #56B4E9; outline-offset: 1px; }
 .bk-btn[disabled] { opacity: 0.55; cursor: not-allowed; }
 """
-)
-"""Look of all widgets: they live in shadow roots, where the page's own style does not reach."""
 
 
 @dataclass(frozen=True)

@@ -325,7 +325,8 @@ class Link:
             self._executor.spin_once(timeout_sec=0.0)
 
     def _take(self, messages: list[Any]) -> bool:
-        for number, data, *_ in messages:
+        """Read what has arrived, in order of time: after a stall it is there topic by topic, seconds of each."""
+        for number, data, *_ in sorted(messages, key=lambda message: stamp_ns(message[1])):
             self._readers[number](data)
         return False
 

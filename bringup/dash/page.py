@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from bokeh.document import Document
-from bokeh.models import ColumnDataSource, CustomJS, InlineStyleSheet
+from bokeh.models import ColumnDataSource, CustomJS
 from bokeh.models.widgets import Div, RadioButtonGroup
 from jinja2 import Environment, FileSystemLoader
 
@@ -36,8 +36,7 @@ TEXT_PERIOD_S = 0.5
 #: Choices of how much time the plots show, s.
 WINDOWS_S = (60, 120, round(WINDOW_S))
 
-_TEXT = InlineStyleSheet(
-    css="""
+_TEXT = """
 :host { font-family: system-ui, sans-serif; font-size: 14px; color: #1a1a1a; }
 .bk-clearfix { display: block; width: 100%; }
 .lamps { display: flex; flex-wrap: wrap; gap: 6px; }
@@ -58,7 +57,6 @@ _TEXT = InlineStyleSheet(
 .said.failed { color: #8a2b00; font-weight: 600; }
 .said.failed::before { content: "\\2717\\00A0"; }
 """
-)
 
 
 def make_page(link: Link, problem: Callable[[], str]) -> Callable[[Document], None]:

@@ -28,8 +28,10 @@ MOST_ROWS = round(WINDOW_S / ROW_PERIOD_S)
 MOST_WAITING = 5
 #: A gap in the stamps that is longer than this, s, is shown as one.
 GAP_S = 1.0
-#: Stamps that go back, or on by more than this, s (from a lockstep run's zero to the wall clock), are another run's.
-ANOTHER_RUN_S = 30 * 86400.0
+#: Stamps that go back by more than this, s, are another run's: no message is so late.
+BACK_S = 5.0
+#: So are those that go on by more than this, s: from a lockstep run's zero to the wall clock.
+ON_S = 30 * 86400.0
 
 #: What the page shows: column, the series it is from (a topic, or ``topic:joint``), and how much of SI one unit is.
 COLUMNS = (
@@ -100,7 +102,7 @@ class Rows:
         """Add what one message says, in SI, under the names of its series; those nobody wants are left out."""
         with self._lock:
             newest = max(self._waiting, default=self._last_ns)
-            if self._first_ns < 0 or not -1e9 <= time_ns - newest <= ANOTHER_RUN_S * 1e9:
+            if self._first_ns < 0 or not -BACK_S * 1e9 <= time_ns - newest <= ON_S * 1e9:
                 self._begin(time_ns)
             if self._last_ns >= 0 and time_ns - self._last_ns < (ROW_PERIOD_S - 1e-3) * 1e9:
                 return  # its row is closed, or it is between two rows

@@ -156,11 +156,35 @@ def test_the_browser_asked_nobody_else_and_had_nothing_to_complain_of(page: Page
     assert page.complaints == []
 
 
-@pytest.mark.parametrize("width", [1400, 390])
-def test_nothing_sticks_out_of_the_page(page: Page, width: int) -> None:
-    page.set_viewport_size({"width": width, "height": 900})
-    page.wait_for_timeout(300)
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
+def test_two_browsers_see_the_same_graph_and_a_page_can_be_loaded_again(page: Page, browser: Browser) -> None:
+    other = new_page(browser)
+    other.goto(page.url)
+    until(lambda: newest(other, "t") > 0.0, "no row has come to the second page")
+    click(other, "Inject f_p")
+    expect(page.get_by_role("button", name="Stop f_p")).to_be_visible()
+    click(page, "Stop f_p")
+    expect(other.get_by_role("button", name="Inject f_p")).to_be_visible()
+    other.close()
+    page.reload()
+    until(lambda: newest(page, "t") > 0.0, "no row has come after loading again")
+    expect(lamp(page, "phase")).to_have_text("running")
+
+
+#: Boxes (x, y, width, height) of all plots and panels that lie upon one another.
+OVERLAPS = """() => {
+    const boxes = [...document.querySelectorAll(".cell, .figures, aside > div")].map((e) => e.getBoundingClientRect())
+    const meet = (a, b) => a.left < b.right - 1 && b.left < a.right - 1 && a.top < b.bottom - 1 && b.top < a.bottom - 1
+    const drawn = [...document.querySelectorAll(".canvas > *")].map((e) => e.getBoundingClientRect().height)
+    return [boxes.flatMap((a, i) => boxes.slice(i + 1).filter((b) => meet(a, b))).length, Math.min(...drawn)]
+}"""
+
+
+@pytest.mark.parametrize(("width", "height"), [(1400, 900), (1920, 1080), (1400, 600), (1000, 800), (390, 844)])
+def test_nothing_sticks_out_of_the_page_or_lies_upon_another(page: Page, width: int, height: int) -> None:
+    page.set_viewport_size({"width": width, "height": height})
+    until(lambda: page.evaluate("document.documentElement.scrollWidth") <= width, "it sticks out")
+    until(lambda: page.evaluate(OVERLAPS)[0] == 0, "panels lie upon one another")
+    assert page.evaluate(OVERLAPS)[1] >= 80.0  # and each plot has a height to be read at
     page.set_viewport_size({"width": 1400, "height": 900})
 
 

@@ -91,12 +91,23 @@ def test_a_pause_is_a_gap_and_another_run_begins_anew() -> None:
     np.testing.assert_allclose(got["t"], [0.0, 0.1, 0.2, 0.3, 60.0, 60.1])
     assert np.isnan(got["p_e"][3])
     before = rows.generation
-    rows.add(0, everything(2.0))  # time went back: a lockstep run that begins again
+    rows.add(0, everything(2.0))  # time went back by a minute: a lockstep run that begins again
     assert rows.generation == before + 1
     assert [row[1] for row in rows.since(before, 5)[2]] == [2.0]
     rows.add(1_790_000_000 * 1_000_000_000, everything(3.0))  # and one on the wall clock
     assert rows.newest["t"] == 0.0
     assert rows.newest["p_e"] == 3.0
+
+
+def test_a_message_that_is_late_begins_nothing() -> None:
+    rows = Rows()
+    for k in range(40):
+        rows.add(k * TICK_NS, everything(1.0))
+    before = rows.generation
+    rows.add(5 * TICK_NS, everything(2.0))
+    rows.add(40 * TICK_NS, everything(1.0))
+    assert rows.generation == before
+    assert [row[1] for row in rows.since(0, 0)[2]] == [1.0] * 41
 
 
 def test_columns_have_both_thresholds() -> None:
