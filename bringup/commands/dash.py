@@ -16,12 +16,18 @@ from bringup.errors import RunError
         "ROS_DOMAIN_ID=7 acftc dash          beside the graph in that ROS domain",
         "acftc dash --host 0.0.0.0           for other machines, too: the address then holds a token",
     ),
-    short_help="A live page to watch a running graph, and to break things on it.",
+    short_help="A live page: watch a running graph, break things on it.",
 )
 @click.option(
-    "--host", default="127.0.0.1", show_default=True, help="Address to bind to; beyond this machine: a token."
+    "--host",
+    metavar="ADDRESS",
+    default="127.0.0.1",
+    show_default=True,
+    help="Address to bind to. Another than this machine's own wants a token, which the printed address holds.",
 )
-@click.option("--port", type=click.IntRange(0, 65535), default=0, help="Default: 5006, or any free one.")
+@click.option(
+    "--port", metavar="PORT", type=click.IntRange(1, 65535), help="Default: 5006 when it is free, else any that is."
+)
 @click.option(
     "--point",
     type=OneOf(["low", "med", "high"]),
@@ -30,7 +36,7 @@ from bringup.errors import RunError
     help="Operating point of a graph of its own.",
 )
 @click.option("--no-browser", is_flag=True, help="Print the address, and open no browser.")
-def dash(host: str, port: int, point: str, no_browser: bool) -> None:
+def dash(host: str, port: int | None, point: str, no_browser: bool) -> None:
     """Serve a page with the running loop's plots, lamps and controls; Ctrl-C ends it.
 
     Looks into the ROS domain of ROS_DOMAIN_ID, 0 when it is not set. Where no graph is running it starts one, at rest
@@ -39,7 +45,7 @@ def dash(host: str, port: int, point: str, no_browser: bool) -> None:
     from bringup.dash.own_graph import find_or_start
     from bringup.dash.server import listen, open_browser, serve
 
-    address = listen(host, port)
+    address = listen(host, port or 0)
     with ExitStack() as stack:
         domain, own = find_or_start(point)
         if own is not None:
