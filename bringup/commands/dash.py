@@ -52,7 +52,7 @@ def dash(host: str, port: int | None, point: str, no_browser: bool) -> None:
             stack.enter_context(own)
         from bringup.dash.link import Link
 
-        link = Link(domain)
+        link = Link(domain, is_starting=own is not None)
         stack.callback(link.close)
         what = "a graph of its own" if own is not None else "the running graph"
         say(f"{address.url} shows {what} in ROS domain {domain}; Ctrl-C ends it")

@@ -15,7 +15,7 @@ def main() -> None:
     sockets = [socket.socket(fileno=number) for number in numbers]
     from bringup.dash.link import Link
 
-    link = Link(domain)
+    link = Link(domain, is_starting=True)
     try:
         serve(Address(sockets, Door(port, os.environ.get(TOKEN_VARIABLE, "")), ""), link)
     finally:

@@ -44,7 +44,7 @@ WAIT_S = 0.02
 #: A node that has not reported its health for so long is gone, s.
 GONE_S = 3.5
 #: How long a node may take to answer a control, s.
-ANSWER_S = 5.0
+ANSWER_S = 10.0
 #: Name of the page's node, under the loop's namespace.
 NODE = "dash"
 
@@ -110,6 +110,8 @@ class Link:
     ----------
     domain : int
         ROS domain of the graph.
+    is_starting : bool
+        Whether the graph has only just been started: until it is heard of, it is being set up, and not missing.
 
     Attributes
     ----------
@@ -117,8 +119,9 @@ class Link:
         What the loop has published, for the plots.
     """
 
-    def __init__(self, domain: int) -> None:
+    def __init__(self, domain: int, is_starting: bool = False) -> None:
         self.domain = domain
+        self._is_starting = is_starting
         self.rows = Rows()
         self._heard = _Heard()
         self._jobs: queue.SimpleQueue[Coroutine[Any, Any, None]] = queue.SimpleQueue()
@@ -186,7 +189,7 @@ class Link:
         if self._reconfiguring is not None and self._reconfiguring.is_alive():
             return "setting up"
         if not plant:
-            return "absent"
+            return "setting up" if self._is_starting and PLANT not in self._heard.heard_s else "absent"
         if plant.get("finished") == "true":
             return "over"
         if plant.get("state") == "active":
@@ -279,17 +282,18 @@ class Link:
 
     async def _get(self, node: str) -> None:
         names = WATCHED[node]
-        reply = await self._ask(GetParameters, f"{node}/get_parameters", GetParameters.Request(names=names))
+        request = GetParameters.Request(names=names)
+        reply = await self._ask(GetParameters, f"{node}/get_parameters", request, quietly=True)
         if reply is None:
-            self._heard.asked.discard(node)
+            self._heard.asked.discard(node)  # with its next report it is asked again
             return
         values = map(parameter_value_to_python, reply.values)
         self._heard.parameters[node] = {
             name: value for name, value in zip(names, values, strict=False) if value is not None
         }
 
-    async def _ask(self, kind: Any, service: str, request: Any) -> Any:
-        """Answer of a service; None, with a line on the page, when there is none in time."""
+    async def _ask(self, kind: Any, service: str, request: Any, quietly: bool = False) -> Any:
+        """Answer of a service; None, with a line on the page unless `quietly`, when there is none in time."""
         client = self._clients.get(service)
         if client is None:
             client = self._clients[service] = self._node.create_client(kind, f"{NAMESPACE}/{service}")
@@ -303,7 +307,8 @@ class Link:
             if future.done():
                 return future.result()
             client.remove_pending_request(future)
-        self.say(f"{service.partition('/')[0]} does not answer", failed=True)
+        if not quietly:
+            self.say(f"{service.partition('/')[0]} does not answer", failed=True)
         return None
 
     async def _moment(self) -> None:
