@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from bringup.scenario import DEFAULT_SAMPLE_TIME_S
+from bringup.sample_time import DEFAULT_SAMPLE_TIME_S
 from fdi_node.design_cache import cached_design
 from fdi_node.design_report import BlockReport
 from fdi_node.weights import FdiWeights

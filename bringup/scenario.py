@@ -19,10 +19,8 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from bringup.errors import BringupError, one_line, shortened
 from bringup.profiles import PROFILE_KEYS, unit_profile
+from bringup.sample_time import DEFAULT_SAMPLE_TIME_S, LONGEST_SAMPLE_TIME_S, SHORTEST_SAMPLE_TIME_S
 from bringup.units import KPA, RPM
-
-#: Sample time of the loop when a scenario does not say otherwise, s (10 Hz).
-DEFAULT_SAMPLE_TIME_S = 0.1
 
 #: Longest scenario file, in characters: thousands of changes, and an end to /dev/zero.
 LARGEST_FILE = 250_000
@@ -171,7 +169,7 @@ class Scenario(_Part):
     description: str = ""
     operating_point: Literal["low", "med", "high"] = "med"
     duration_s: float = Field(gt=0.0, le=86400.0)
-    sample_time_s: float = Field(default=DEFAULT_SAMPLE_TIME_S, ge=0.01, le=0.1)
+    sample_time_s: float = Field(default=DEFAULT_SAMPLE_TIME_S, ge=SHORTEST_SAMPLE_TIME_S, le=LONGEST_SAMPLE_TIME_S)
     passive: bool = False
     sensors: Literal[2, 3] = 3
     superheat_sensor: Literal["direct", "derived"] = "direct"

@@ -7,6 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 from ac_plant_node import parameters_fingerprint
+from bringup.sample_time import LONGEST_SAMPLE_TIME_S, SHORTEST_SAMPLE_TIME_S
 from fdi_node.cache import Arrays, cached, source_fingerprint
 
 PACKAGES = ("gimc", "ac_plant_node", "fdi_node", "gimc_controller_node")
@@ -33,8 +34,9 @@ def cached_design(block: str, synthesis: str, point: str, sample_time_s: float, 
     ValueError
         For a sample time out of range or an unknown point.
     """
-    if not (math.isfinite(sample_time_s) and 0.01 <= sample_time_s <= 0.1):
-        raise ValueError(f"sample time {sample_time_s:g} s: designs exist for 0.01 to 0.1 s")
+    if not (math.isfinite(sample_time_s) and SHORTEST_SAMPLE_TIME_S <= sample_time_s <= LONGEST_SAMPLE_TIME_S):
+        allowed = f"{SHORTEST_SAMPLE_TIME_S:g} to {LONGEST_SAMPLE_TIME_S:g} s"
+        raise ValueError(f"sample time {sample_time_s:g} s: designs exist for {allowed}")
     key = {
         "point": point,
         "sample_time_s": sample_time_s,

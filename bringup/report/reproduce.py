@@ -20,7 +20,8 @@ from bringup.report.paper import ACCOMMODATION
 from bringup.report.reproduce_page import page
 from bringup.report.stills import draw
 from bringup.report.verdicts import AGREES, DIFFERS, Experiment, Finding, at_least, at_most, near, noted, toward
-from bringup.scenario import DEFAULT_SAMPLE_TIME_S, Air, Scenario, load
+from bringup.sample_time import DEFAULT_SAMPLE_TIME_S
+from bringup.scenario import Air, Scenario, load
 from bringup.summary import summarise
 from bringup.units import KPA, RPM
 

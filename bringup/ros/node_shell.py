@@ -42,6 +42,7 @@ from bringup.ros.inputs import Gate, LoopInputs, Subscriptions
 from bringup.ros.messages import message_class
 from bringup.ros.processes import end_with_parent
 from bringup.ros.ticks import TickSet, Timeline, WallClockSet
+from bringup.sample_time import DEFAULT_SAMPLE_TIME_S, LONGEST_SAMPLE_TIME_S, SHORTEST_SAMPLE_TIME_S
 from bringup.topics import BY_NAME, OCCASIONAL, TOPICS, Topic
 
 #: How far behind a subscriber (the recorder above all) may fall before a message is lost, in ticks.
@@ -109,7 +110,13 @@ PRIORITY = Parameter(
     high=99,
 )
 MODE = Parameter("mode", "lockstep", "what a tick waits for: loop or wall clock", choices=("lockstep", "realtime"))
-SAMPLE_TIME = Parameter("sample_time_s", 0.1, "sample time of the loop, s", low=0.01, high=0.1)
+SAMPLE_TIME = Parameter(
+    "sample_time_s",
+    DEFAULT_SAMPLE_TIME_S,
+    "sample time of the loop, s",
+    low=SHORTEST_SAMPLE_TIME_S,
+    high=LONGEST_SAMPLE_TIME_S,
+)
 RUN_START = Parameter(
     "run_start_ns",
     -1,
