@@ -119,9 +119,9 @@ def health_charts(reports: Sequence[Report]) -> list[Chart]:
         curves = [curve for node in nodes if (curve := _curve(reports, node, key)) is not None]
         if curves:
             charts.append(_chart(title, y_title, curves, log="y" if key == "latency_max_ms" else ""))
-    speed = _curve(reports, PLANT, "rate_hz")
+    speed = _curve(reports, CONTROLLER, "rate_hz")
     if speed is not None:
-        charts.append(_chart("Ticks in a second of the wall clock", "1/s", [speed]))
+        charts.append(_chart("Commands in a second of the wall clock", "1/s", [speed]))
     return charts
 
 

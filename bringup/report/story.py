@@ -64,7 +64,8 @@ def story(
         told.append(Sentence(BAD, f"{missed} of {summary['ticks']} ticks came without a new command in time."))
     if events:
         nodes = sorted({event.node for event in events})
-        told.append(Sentence(BAD, f"{len(events)} events reported by {', '.join(nodes)}: see Events."))
+        what = "1 event" if len(events) == 1 else f"{len(events)} events"
+        told.append(Sentence(BAD, f"{what} reported by {', '.join(nodes)}: see Events."))
     return told
 
 

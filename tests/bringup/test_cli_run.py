@@ -76,6 +76,17 @@ def test_a_run_leaves_bag_summary_and_report_and_agrees_with_the_simulation(name
         (row.detected, row.isolated) for row in alone.status
     ]
 
+    # Whatever is left of a recording has a report, as soon as there is a tick in it.
+    (file,) = (tmp_path / "bag").glob("*.mcap")
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    report = acftc("report", str(cut), "--alone", "--json", "--out", f"{tmp_path}/cut.html", environment=environment)
+    out, err = report.communicate(timeout=240)
+    assert report.returncode == 0, err
+    assert not json.loads(out)["complete"]
+    assert 10 < json.loads(out)["ticks"] < 120
+    assert "cut short" in (tmp_path / "cut.html").read_text()
+
     replay = acftc("replay", str(tmp_path / "bag"), "--node", "fdi", "--json", environment=environment)
     out, err = replay.communicate(timeout=240)
     assert replay.returncode == 0, err
