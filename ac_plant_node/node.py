@@ -7,9 +7,11 @@ most: then the actuators go to the operating point's command by themselves. A pl
 silence.
 """
 
+import json
 import math
 import sys
 import time
+from collections import deque
 from typing import Protocol
 
 import numpy as np
@@ -17,6 +19,7 @@ from numpy.typing import NDArray
 
 from bringup.rest import rest_at
 from bringup.ros.node_shell import MODE, OPERATING_POINT, SAMPLE_TIME, NodeShell, Parameter, run_node
+from bringup.ros.realtime import Latencies
 from bringup.safe_command import COMMAND_HOLD_S, CommandHold
 from bringup.topics import CLOCK, PLANT, Topic
 
@@ -35,6 +38,10 @@ PARAMETERS = (
 )
 #: A command that is later than this is not counted in the latencies any more.
 MOST_LATE_TICKS = 1000
+#: A wake-up that is late by more than this share of the sample time is counted.
+LATE_SHARE = 0.5
+#: So many of the missed ticks are told one by one in a health report.
+MOST_TOLD = 200
 
 
 class Model(Protocol):
@@ -65,7 +72,9 @@ class PlantNode(NodeShell):
         self._tick = 0
         self._finished = False
         self._missed = 0
-        self._latencies_s: list[float] = []
+        self._latencies = Latencies()
+        self._missed_at: deque[int] = deque(maxlen=MOST_LATE_TICKS)
+        self._late_wakeups = 0
         self._published_s: dict[int, float] = {}  # of ticks whose command has not come yet
         self._wall_s = 0.0
         self._first_ns = 0
@@ -150,7 +159,7 @@ class PlantNode(NodeShell):
         self._held[: len(values)] = values
         self._hold.commanded(values[:2])
         self._commanded_tick = tick
-        self._latencies_s.append(time.monotonic() - self._published_s.pop(tick))
+        self._latencies.add(time.monotonic() - self._published_s.pop(tick))
         if tick == self._tick and not self._realtime:
             self._advance()
         if self._realtime:
@@ -162,7 +171,9 @@ class PlantNode(NodeShell):
 
     def on_deadline(self) -> None:
         """Begin the next tick of the wall clock with whatever command is there."""
-        late = int((time.monotonic() - self.deadline_s) / self._sample_time_s)
+        late_s = time.monotonic() - self.deadline_s
+        self._late_wakeups += late_s > LATE_SHARE * self._sample_time_s
+        late = int(late_s / self._sample_time_s)
         if late > 0 and self._last_tick >= 0:
             late = min(late, self._last_tick - self._tick)
         for _ in range(late):  # it was stopped: what it missed goes by in silence, as a plant does not stand still
@@ -180,6 +191,7 @@ class PlantNode(NodeShell):
         if self._commanded_tick >= self._tick:
             return
         self._missed += 1
+        self._missed_at.append(self._tick)
         if self._commanded_tick < 0:
             return
         setpoint = self._hold.silent()
@@ -209,16 +221,18 @@ class PlantNode(NodeShell):
 
     def health_values(self) -> dict[str, str]:
         """Where the run is, and how long commands took."""
-        latencies = np.array(self._latencies_s if self._finished and self._latencies_s else [np.nan]) * 1e3
         return {
             "tick": str(self._tick),
             "finished": "true" if self._finished else "false",
             "wall_seconds": repr(self._wall_s),
             "missed_ticks": str(self._missed),
+            "missed_at": json.dumps(list(self._missed_at)[-MOST_TOLD:]),
+            "epoch_monotonic_s": repr(getattr(self, "_epoch_s", float("nan"))),
+            "late_wakeups": str(self._late_wakeups),
             "first_ns": str(self._first_ns),
-            "command_latency_p50_ms": f"{np.percentile(latencies, 50):.3f}",
-            "command_latency_p99_ms": f"{np.percentile(latencies, 99):.3f}",
-            "command_latency_max_ms": f"{np.max(latencies):.3f}",
+            "command_latency_p50_ms": f"{1e3 * self._latencies.quantile_s(0.5):.3f}",
+            "command_latency_p99_ms": f"{1e3 * self._latencies.quantile_s(0.99):.3f}",
+            "command_latency_max_ms": f"{1e3 * self._latencies.quantile_s(1.0):.3f}",
             **self._truth(),
         }
 

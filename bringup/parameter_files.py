@@ -9,13 +9,13 @@ from importlib import import_module
 import yaml
 
 from bringup.ros.graph import MODULES, parameter_file
-from bringup.ros.node_shell import AUTOSTART, PRIORITY, Parameter
+from bringup.ros.node_shell import COMMON, Parameter
 from bringup.ros.own_nodes import module_of
 
 
 def text(name: str) -> str:
     """Content of the parameter file of a node: every parameter with its default, what it means and what is allowed."""
-    declared: Sequence[Parameter] = (AUTOSTART, PRIORITY, *import_module(module_of(MODULES[name])).PARAMETERS)
+    declared: Sequence[Parameter] = (*COMMON, *import_module(module_of(MODULES[name])).PARAMETERS)
     lines = [
         f"# Parameters of the node `{name}` and their defaults. Use:",
         f"#   python -m {MODULES[name]} --ros-args --params-file {parameter_file(MODULES[name]).name}",

@@ -13,7 +13,7 @@ from bringup import scenario_reference
 from bringup.recording import StatusRow
 from bringup.ros.cdr import pack_status, read_diagnostics
 from bringup.ros.graph import MODULES
-from bringup.ros.node_shell import AUTOSTART, DEADLINE_S, DEPTH, PRIORITY, Parameter
+from bringup.ros.node_shell import COMMON, DEADLINE_S, DEPTH, Parameter
 from bringup.ros.own_nodes import module_of
 from bringup.topics import DIAGNOSTICS, JOINT_FIELD, JOINTS, NAMESPACE, PRESSURE, TOPICS, Topic
 
@@ -126,7 +126,7 @@ def parameters_page() -> str:
         "",
         "## All nodes",
         "",
-        *_table((AUTOSTART, PRIORITY)),
+        *_table(COMMON),
     ]
     for name, start in MODULES.items():
         declared: Sequence[Parameter] = import_module(module_of(start)).PARAMETERS

@@ -45,7 +45,8 @@ def summarise(recording: Recording) -> dict[str, Any]:
         Ready for JSON (what could not be computed is None):
 
         ``scenario``, ``mode``, ``passive``, ``ticks``, ``sample_time_s``, ``wall_seconds``, ``real_time_factor``
-        (simulated over wall time), ``missed_ticks``, ``complete`` (False for a recording cut short).
+        (simulated over wall time), ``missed_ticks``, ``overruns`` (by node: ticks whose own work took longer than a
+        sample time; nodes with none are left out), ``complete`` (False for a recording cut short).
 
         ``faults``: a list in order of onset, each with ``kind``, ``onset_s``, ``end_s`` (None: it stayed), ``size``,
         ``unit`` (of `size` and `estimate`: rpm or kPa), ``detected_s`` (first detection after the onset),
@@ -100,6 +101,7 @@ def summarise(recording: Recording) -> dict[str, Any]:
         "wall_seconds": wall_seconds,
         "real_time_factor": len(time_s) * sample_time_s / wall_seconds if wall_seconds else None,
         "missed_ticks": int(about.get("missed_ticks") or 0),
+        "overruns": {node: count for node, count in about.get("overruns", {}).items() if count},
         "complete": bool(about.get("complete", True)),
         "faults": fault_summaries(recording),
         "false_alarms": false_alarms(recording),

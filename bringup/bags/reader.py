@@ -23,6 +23,7 @@ from bringup.bags.recorder import MENDED_RECORD, RUN_RECORD, bag_files
 from bringup.errors import BringupError, shortened
 from bringup.recording import Recording, StatusRow
 from bringup.ros.cdr import NANOSECONDS, columns, read_diagnostics, stamp_ns, stamps_ns, status_row
+from bringup.ros.health import health_of
 from bringup.scenario import Scenario, check
 from bringup.topics import BRINGUP, BY_NAME, DIAGNOSTICS, NAMESPACE, OCCASIONAL, PLANT, Topic
 
@@ -164,6 +165,7 @@ def read_bag(bag: Path | str) -> Recording:
             recording.series[key][rows[name]] = column
     recording.metadata = {**run, "complete": raw.complete and ticks == run["ticks"], "unreadable": sent - kept - after}
     recording.metadata.update(_timing(_last_health(raw, PLANT)))
+    recording.metadata["overruns"] = {node.name: node.overruns for node in health_of(health_reports(raw))}
     recording.metadata["restarts"] = _restarts(_last_health(raw, BRINGUP))
     return recording
 

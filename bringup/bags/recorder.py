@@ -6,6 +6,7 @@ A writer that goes on after one that was killed adds a file of its own to the fo
 import contextlib
 import json
 import struct
+import tempfile
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import IO, Any
 
 import yaml
+from mcap.data_stream import RecordBuilder
 from mcap.exceptions import EndOfFile, McapError
 from mcap.reader import make_reader
 from mcap.records import Channel, Message, Metadata, Schema
@@ -92,6 +94,7 @@ class BagWriter:
         self._last_ns = 0
         self._stream = self._file.open("wb")
         self._writer = _writer(self._stream)
+        self._index = IndexOnDisk(folder)
         self._writer.add_metadata(RUN_RECORD, {"run": self._run})
         schemas: dict[str, int] = {}
         self._channels = []
@@ -121,6 +124,7 @@ class BagWriter:
         if now - self._flushed_s >= FLUSH_PERIOD_S:
             self._flushed_s = now
             self._writer.flush()  # type: ignore[no-untyped-call]
+            self._index.take_from(self._writer)
 
     def attach(self, name: str, data: bytes) -> None:
         """Store a file with the bag."""
@@ -129,8 +133,10 @@ class BagWriter:
 
     def close(self) -> None:
         """Write index and metadata; the folder is a complete bag then."""
+        self._index.take_from(self._writer)
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._stream.close()
+        self._index.close()
         self._write_metadata()
 
     def _write_metadata(self) -> None:
@@ -161,6 +167,35 @@ class BagWriter:
             "ros_distro": "jazzy",
         }
         _write_yaml(self.folder / "metadata.yaml", content)
+
+
+class IndexOnDisk:
+    """The index of a file's chunks, kept in a nameless file beside it until the end.
+
+    The writer keeps some kilobytes for each chunk: at 50 Hz that is 10 kB a second of a run, for ever.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115  (open for as long as the bag is)
+
+    def take_from(self, writer: Writer) -> None:
+        """Move what the writer has in memory to the disk; at the end it finds all of it here."""
+        kept: list[Any] = writer._Writer__chunk_indices  # type: ignore[attr-defined]  # no other way to it
+        builder = RecordBuilder()
+        for index in kept:
+            if index is not self:
+                index.write(builder)
+        self._file.write(builder.end())  # type: ignore[no-untyped-call]
+        kept[:] = [self]
+
+    def write(self, builder: RecordBuilder) -> None:
+        """Write all records, as the index of one chunk writes its own."""
+        self._file.seek(0)
+        builder.write(self._file.read())
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._file.close()
 
 
 def bag_files(folder: Path) -> list[Path]:

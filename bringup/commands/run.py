@@ -65,6 +65,12 @@ from bringup.errors import BringupError, InterruptedRunError, RunError
     type=click.Path(path_type=Path),
     help="A ROS 2 parameter file that has the last word, with keys such as /ac/fdi.",
 )
+@click.option(
+    "--realtime-care",
+    "care",
+    is_flag=True,
+    help="On the wall clock: SCHED_FIFO, locked memory, processors kept awake, where the system permits it.",
+)
 @dash_option
 @json_option
 def run(
@@ -77,6 +83,7 @@ def run(
     nodes: tuple[str, ...],
     without: tuple[str, ...],
     params_file: Path | None,
+    care: bool,
     with_page: bool,
     as_json: bool,
 ) -> None:
@@ -87,6 +94,8 @@ def run(
     """
     from bringup.ros.own_nodes import own_nodes
 
+    if care and mode != "realtime":
+        raise BringupError("--realtime-care: only with --mode realtime; in lockstep nothing waits for the wall clock")
     chosen = load_scenario(scenario, overrides, passive)
     own = own_nodes(nodes, without, params_file)
     folder = prepare_folder(out or Path("results") / chosen.name, force)
@@ -96,7 +105,7 @@ def run(
 
     with page(with_page) as beside, progress_bar(f"{chosen.name} ({mode})") as progress:
         try:
-            run_graph(chosen, folder, mode=mode, progress=progress, own=own, say=say, beside=beside)
+            run_graph(chosen, folder, mode=mode, progress=progress, own=own, say=say, beside=beside, care=care)
         except BringupError as problem:
             # The input has been checked by now: what fails here is the run.
             kind = InterruptedRunError if isinstance(problem.__context__, KeyboardInterrupt) else RunError

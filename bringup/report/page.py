@@ -259,11 +259,19 @@ def _nodes(recording: Recording, reports: Sequence[Report], plots: _Plots) -> st
             html.escape(node.state),
             _cell(node.latency_p50_ms, ".2f"),
             _cell(node.latency_max_ms, ".2f"),
+            str(node.overruns),
             f"{node.rejected_inputs} {html.escape(node.last_rejected)}",
         ]
         for node in health_of((report.node, report.values) for report in reports if report.node != BRINGUP)
     ]
-    heads = ["Node", "State in its last report", "Inputs to outputs, typical, ms", "longest, ms", "Inputs refused"]
+    heads = [
+        "Node",
+        "State in its last report",
+        "Inputs to outputs, typical, ms",
+        "longest, ms",
+        "Overruns",
+        "Inputs refused",
+    ]
     latency = recording.metadata.get("command_latency_ms")
     whole = ""
     if latency and math.isfinite(latency["p50"]):

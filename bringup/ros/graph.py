@@ -67,6 +67,7 @@ class GraphRun:
     latency_ms: tuple[float, float, float]  # measurement -> command: p50, p99, max
     domain: int
     restarts: tuple[Restart, ...] = ()
+    missed_at_s: tuple[float, ...] = ()  # beginnings of the missed ticks (the last 200), on the monotonic clock
 
 
 def run_graph(
@@ -78,6 +79,7 @@ def run_graph(
     own: OwnNodes | None = None,
     say: Callable[[str], None] = print,
     beside: Callable[[int], None] | None = None,
+    care: bool = False,
 ) -> GraphRun:
     """Run `scenario` with every node as a process of its own; the bag is ``out_dir/bag``.
 
@@ -99,6 +101,8 @@ def run_graph(
         Told what the user has to do: which node to start by hand, and how.
     beside
         Called with the run's ROS domain before its nodes start, to start whatever is to look at them.
+    care
+        On the wall clock: SCHED_FIFO, locked memory and processors that do not doze, where the system permits it.
 
     Raises
     ------
@@ -115,7 +119,7 @@ def run_graph(
     domain = Domain()
     try:
         environment = {**ros_environment(), "ROS_DOMAIN_ID": str(domain.number)}
-        parameters = node_parameters(scenario, out_dir, mode, passive)
+        parameters = node_parameters(scenario, out_dir, mode, passive, care)
         if beside is not None:
             beside(domain.number)
         with _interruptible(out_dir):
@@ -157,6 +161,7 @@ def run_graph(
                         latency_ms=_latencies(health),
                         domain=domain.number,
                         restarts=tuple(supervisor.restarts),
+                        missed_at_s=_missed_at(health, scenario.sample_time_s),
                     )
             finally:
                 stop([child for name, child in children.items() if name != RECORDER])
@@ -172,6 +177,11 @@ def run_graph(
         sweep()
 
 
+def _missed_at(health: Mapping[str, str], sample_time_s: float) -> tuple[float, ...]:
+    epoch_s = float(health.get("epoch_monotonic_s", math.nan))
+    return tuple([epoch_s + tick * sample_time_s for tick in json.loads(health.get("missed_at", "[]"))])
+
+
 def _latencies(health: Mapping[str, str]) -> tuple[float, float, float]:
     p50, p99, most = (
         float(health.get(f"command_latency_{quantile}_ms", math.nan)) for quantile in ("p50", "p99", "max")
@@ -179,7 +189,9 @@ def _latencies(health: Mapping[str, str]) -> tuple[float, float, float]:
     return p50, p99, most
 
 
-def node_parameters(scenario: Scenario, out_dir: Path, mode: Mode, passive: bool) -> dict[str, dict[str, Any]]:
+def node_parameters(
+    scenario: Scenario, out_dir: Path, mode: Mode, passive: bool, care: bool = False
+) -> dict[str, dict[str, Any]]:
     """Parameters of every node for this run."""
     design = {"operating_point": scenario.operating_point, "sample_time_s": scenario.sample_time_s}
     superheat = {"superheat_sensor": scenario.superheat_sensor}
@@ -198,8 +210,8 @@ def node_parameters(scenario: Scenario, out_dir: Path, mode: Mode, passive: bool
     log = (out_dir / "log").resolve()
     copies = {node: {"design_copy": str(log / f"{node}.npz")} for node in DESIGNED}
     memories = {node: {"memory_file": str(log / f"{node}.memory")} for node in (FDI, COMPENSATOR)}
-    # On the wall clock the loop comes before whatever else the machine does, where the system lets it; recording waits.
-    priority = {"priority": REALTIME_PRIORITY} if mode == "realtime" else {}
+    # The loop comes before whatever else the machine does, where that is asked for and allowed; recording waits.
+    priority = {"priority": REALTIME_PRIORITY, "realtime_care": True} if mode == "realtime" and care else {}
     parameters: dict[str, dict[str, Any]] = {
         PLANT: {**design, **clock, "ticks": scenario.ticks},
         INJECTOR: {

@@ -15,6 +15,7 @@ class NodeHealth:
     name : as in ``ros2 node list``.
     state : life cycle state in the last report.
     latency_p50_ms, latency_max_ms : time from a complete set of inputs to the last output, typical and longest.
+    overruns : ticks whose own work took longer than a sample time, over all lives of the node.
     rejected_inputs : messages that were refused, and
     last_rejected : why the last of them was.
     """
@@ -23,6 +24,7 @@ class NodeHealth:
     state: str
     latency_p50_ms: float
     latency_max_ms: float
+    overruns: int
     rejected_inputs: int
     last_rejected: str
 
@@ -38,11 +40,18 @@ def health_of(reports: Iterable[tuple[str, Mapping[str, str]]]) -> list[NodeHeal
             state=rows[-1].get("state", ""),
             latency_p50_ms=median(_numbers(rows, "latency_p50_ms") or [math.nan]),
             latency_max_ms=max(_numbers(rows, "latency_max_ms"), default=math.nan),
+            overruns=int(sum(_ends(rows, "overruns"))),
             rejected_inputs=int(max(_numbers(rows[-1:], "rejected_inputs"), default=0.0)),
             last_rejected=rows[-1].get("last_rejected", ""),
         )
         for name, rows in sorted(by_node.items())
     ]
+
+
+def _ends(rows: list[Mapping[str, str]], key: str) -> list[float]:
+    """Last value of a counter in each life of a node: one that was started again counts from 0."""
+    values = _numbers(rows, key)
+    return [value for i, value in enumerate(values) if i + 1 == len(values) or values[i + 1] < value]
 
 
 def _numbers(rows: list[Mapping[str, str]], key: str) -> list[float]:

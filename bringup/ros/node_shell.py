@@ -41,6 +41,7 @@ from bringup.ros.cdr import Packer, packer
 from bringup.ros.inputs import Gate, LoopInputs, Subscriptions
 from bringup.ros.messages import message_class
 from bringup.ros.processes import end_with_parent
+from bringup.ros.realtime import Care
 from bringup.ros.ticks import TickSet, Timeline, WallClockSet
 from bringup.sample_time import DEFAULT_SAMPLE_TIME_S, LONGEST_SAMPLE_TIME_S, SHORTEST_SAMPLE_TIME_S
 from bringup.topics import BY_NAME, OCCASIONAL, TOPICS, Topic
@@ -109,6 +110,13 @@ PRIORITY = Parameter(
     low=0,
     high=99,
 )
+REALTIME_CARE = Parameter(
+    "realtime_care",
+    False,
+    "lock the memory and keep the processors from dozing while active, where the system permits it",
+)
+#: What every node has.
+COMMON = (AUTOSTART, PRIORITY, REALTIME_CARE)
 MODE = Parameter("mode", "lockstep", "what a tick waits for: loop or wall clock", choices=("lockstep", "realtime"))
 SAMPLE_TIME = Parameter(
     "sample_time_s",
@@ -154,15 +162,23 @@ class Health:
         self.last_rejected = ""
         self.mode = ""  # what the node does other than usual
         self._announced: list[tuple[float, str]] = []
+        self.overruns = 0  # ticks whose own work took longer than a sample time
+        self.longest_s = 0.0
         self._latencies_s: list[float] = []
         self._last_input_s = math.nan
         self._reported = (time.monotonic(), 0)
 
-    def worked(self, started_s: float) -> None:
-        """Count one tick whose inputs were complete at `started_s` (monotonic clock)."""
+    def worked(self, started_s: float, budget_s: float = math.inf) -> None:
+        """Count one tick whose inputs were complete at `started_s` (monotonic clock); the watchdog of the loop.
+
+        A tick that took longer than `budget_s` is an overrun.
+        """
+        took_s = time.monotonic() - started_s
         self.ticks += 1
+        self.overruns += took_s > budget_s
+        self.longest_s = max(self.longest_s, took_s)
         self._last_input_s = started_s
-        self._latencies_s.append(time.monotonic() - started_s)
+        self._latencies_s.append(took_s)
 
     def announce(self, time_s: float, text: str) -> None:
         """Have a change of what the node does (at a tick's time) in the next report."""
@@ -180,6 +196,8 @@ class Health:
             "rate_hz": f"{(self.ticks - ticks) / max(now - since, 1e-9):.1f}",
             "latency_p50_ms": f"{1e3 * latencies[len(latencies) // 2]:.3f}" if latencies else "nan",
             "latency_max_ms": f"{1e3 * latencies[-1]:.3f}" if latencies else "nan",
+            "overruns": str(self.overruns),
+            "longest_tick_ms": f"{1e3 * self.longest_s:.3f}",
             "input_age_s": f"{now - self._last_input_s:.3f}",
             "rejected_inputs": str(self.rejected.total()),
             "last_rejected": self.last_rejected,
@@ -198,7 +216,8 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         self.bad_input = False  # and whether what the user gave is to blame
         self.health = Health()
         self._scheduled = "normal"
-        self._parameters_ = {p.name: p for p in (AUTOSTART, PRIORITY, *parameters)}
+        self._care = Care()
+        self._parameters_ = {p.name: p for p in (*COMMON, *parameters)}
         self.add_on_set_parameters_callback(self._check_choices)
         for parameter in self._parameters_.values():
             self.declare_parameter(parameter.name, parameter.default, parameter.descriptor())
@@ -438,6 +457,8 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         gc.freeze()
         gc.disable()
         self._scheduled = set_priority(self.value("priority"))
+        if self.value("realtime_care"):
+            self._care.begin()
         self.started()
         self.soon(self.report_health)
 
@@ -446,6 +467,7 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         self._setup.is_open = True
         gc.enable()
         set_priority(0)
+        self._care.end()
         self.stopped()
         self.soon(self.report_health)
 
@@ -464,7 +486,13 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
     def report_health(self) -> None:
         """Publish the node's health, and how many subscribers its outputs have found."""
         gc.collect(1)
-        values = {"state": self.state, "scheduling": self._scheduled, **self.health.report(), **self.health_values()}
+        values = {
+            "state": self.state,
+            "scheduling": self._scheduled,
+            "realtime_care": self._care.state,
+            **self.health.report(),
+            **self.health_values(),
+        }
         values["subscriptions"] = str(len(self.loop_subscriptions))
         values |= {key: str(count) for key, count in self.inputs.counts().items()}
         for topic, (publisher, *_) in self._senders.items():
@@ -497,10 +525,12 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         return self.create_publisher(type_, name, qos, callback_group=self._setup, event_callbacks=events)
 
     def _timed(self, act: Callable[..., None]) -> Callable[..., None]:
+        budget_s = self.sample_time_s if self.is_realtime else math.inf
+
         def timed(*arguments: Any) -> None:
             started_s = time.monotonic()
             act(*arguments)
-            self.health.worked(started_s)
+            self.health.worked(started_s, budget_s)
 
         return timed
 

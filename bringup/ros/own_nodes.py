@@ -135,10 +135,10 @@ def _check_file(file: Path, strange: Sequence[str]) -> None:
 
 def _check_names(file: Path, key: str, values: Mapping[str, Any], name: str) -> None:
     from bringup.ros.graph import MODULES
-    from bringup.ros.node_shell import AUTOSTART, PRIORITY
+    from bringup.ros.node_shell import COMMON
 
     declared: Sequence[Parameter] = import_module(module_of(MODULES[name])).PARAMETERS
-    allowed = [parameter.name for parameter in (AUTOSTART, PRIORITY, *declared)]
+    allowed = [parameter.name for parameter in (*COMMON, *declared)]
     for given in values:
         if given not in allowed:
             near = difflib.get_close_matches(given, allowed, n=1)

@@ -153,7 +153,7 @@ def test_nodes_and_pictures_beside_it(recording_of: Make, tmp_path: Path):
     recording.metadata["software"] = {"acftc": "1.2.3"}
     write_report(tmp_path / "report.html", recording, reports=reports)
     text = text_of((tmp_path / "report.html").read_text())
-    assert "<td><code>fdi</code></td><td>active</td><td>0.20</td><td>1.00</td><td>1 &lt;NaN&gt;</td>" in text
+    assert "<td><code>fdi</code></td><td>active</td><td>0.20</td><td>1.00</td><td>0</td><td>1 &lt;NaN&gt;</td>" in text
     assert "1 input refused (the last: &lt;NaN&gt;)" in text
     assert "sensors: 3" in text
     assert "1.2.3" in text

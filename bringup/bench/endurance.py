@@ -1,0 +1,149 @@
+"""A long run on the wall clock: memory over time, missed ticks by cause, whether the bag is complete.
+
+    python -m bringup.bench.endurance                          # 2 h at 50 Hz
+    python -m bringup.bench.endurance --seconds 1200 --out results/endurance
+
+Prints the resident memory of every node while it goes, and a judgement at the end. Exit code 1 when a promise was
+broken: memory that grows after the first minute, a tick missed by our code, a bag that is not complete.
+"""
+
+import argparse
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from bringup.bags.reader import health_reports, read_bag, read_raw
+from bringup.bench.figures import host_noise, start_host_noise
+from bringup.bench.host_noise import missed_by_us
+from bringup.ros.graph import MODULES, run_graph
+from bringup.scenario import check
+from bringup.topics import NAMESPACE, TOPICS
+
+#: Growth of one node after the first minute that is still none, MB: pages that are touched late, once.
+PLAY_MB = 3.0
+#: What counts as the first minute of a shorter run: a quarter of it.
+FIRST_S = 60.0
+COLUMNS = tuple(MODULES)
+
+
+@dataclass
+class Watch:
+    """Resident memory of the nodes over the time of the run; a progress function."""
+
+    period_s: float
+    time_s: list[float] = field(default_factory=list)
+    memory_mb: list[list[float]] = field(default_factory=list)
+    _began_s: float = 0.0
+
+    def __call__(self, tick: int, _ticks: int) -> None:
+        """Look, when it is time to."""
+        now_s = time.monotonic()
+        if tick <= 0:
+            return
+        self._began_s = self._began_s or now_s
+        if self.time_s and now_s - self._began_s < self.time_s[-1] + self.period_s:
+            return
+        found = node_memory_mb()
+        if set(found) < set(COLUMNS):
+            return
+        self.time_s.append(now_s - self._began_s)
+        self.memory_mb.append([found[name] for name in COLUMNS])
+        print(f"{self.time_s[-1]:8.0f} s " + " ".join(f"{mb:16.1f}" for mb in self.memory_mb[-1]), flush=True)
+
+
+def node_memory_mb() -> dict[str, float]:
+    """Resident memory of each node that is a child of this process."""
+    found = {}
+    for pid in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split():
+        try:
+            words = Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0")
+            pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+        except OSError:
+            continue  # gone meanwhile
+        name = next((name for name, module in MODULES.items() if module in words), None)
+        if name is not None:
+            found[name] = pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+    return found
+
+
+def growth_mb(time_s: Sequence[float], memory_mb: Sequence[float], first_s: float) -> float:
+    """How much memory has grown after the first `first_s`: median of the last quarter minus that of the first one."""
+    times, memory = np.array(time_s), np.array(memory_mb)
+    after = memory[times >= first_s]
+    if len(after) < 4:
+        return float("nan")
+    quarter = len(after) // 4
+    return float(np.median(after[-quarter:]) - np.median(after[:quarter]))
+
+
+def missing_messages(bag: Path, ticks: int) -> dict[str, int]:
+    """How many messages of each loop topic are not in the bag."""
+    raw = read_raw(bag)
+    counts = {topic.name: len(raw.messages.get(f"{NAMESPACE}/{topic.name}", [])) for topic in TOPICS}
+    return {name: ticks - count for name, count in counts.items() if count < ticks}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run, watch and judge."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=7200.0)
+    parser.add_argument("--rate", type=float, default=50.0, help="ticks a second (default 50)")
+    parser.add_argument("--out", type=Path, help="keep bag and logs here (default: nowhere)")
+    options = parser.parse_args(arguments)
+    with tempfile.TemporaryDirectory(prefix="acftc-endurance-") as nowhere:
+        return run(options.seconds, 1.0 / options.rate, options.out or Path(nowhere))
+
+
+def run(seconds: float, sample_time_s: float, out: Path) -> int:
+    """Run everything that a loop has, and judge."""
+    scenario = check(
+        {
+            "name": "endurance",
+            "duration_s": seconds,
+            "sample_time_s": sample_time_s,
+            "faults": [
+                {"kind": "compressor_speed", "size_rpm": 30, "onset_s": 0.2 * seconds, "end_s": 0.4 * seconds},
+                {"kind": "evaporator_pressure", "size_kpa": 3, "onset_s": 0.6 * seconds, "end_s": 0.8 * seconds},
+            ],
+            "noise": {"evaporator_pressure_kpa": 0.02, "superheat_k": 0.02, "wall_temperature_k": 0.02, "seed": 1},
+        }
+    )
+    first_s = min(FIRST_S, seconds / 4.0)
+    watch = Watch(period_s=max(1.0, min(30.0, seconds / 40.0)))
+    print("resident memory, MB: " + " ".join(f"{name:>16}" for name in COLUMNS), flush=True)
+    probes = start_host_noise(seconds + 60.0, sample_time_s)
+    done = run_graph(scenario, out, mode="realtime", progress=watch, care=True)
+    noise = host_noise(probes)
+    machine, ours = missed_by_us(done.missed_at_s, sample_time_s, noise.stalls)
+    untold = done.missed_ticks - machine - ours
+    grown = {
+        name: growth_mb(watch.time_s, [row[i] for row in watch.memory_mb], first_s) for i, name in enumerate(COLUMNS)
+    }
+    missing = missing_messages(done.bag, done.ticks)
+    recording = read_bag(done.bag)
+    overruns = {name: values.get("overruns", "0") for name, values in health_reports(read_raw(done.bag))}
+    broken = [f"{name} has grown by {mb:.1f} MB" for name, mb in grown.items() if mb > PLAY_MB]
+    broken += [f"{ours} ticks missed by our code"] * (ours > 0)
+    # A tick that was missed lacks messages; what lacks without one was lost.
+    broken += [f"{name}: {count} messages missing" for name, count in missing.items() if count > done.missed_ticks]
+    broken += ["the bag is not complete"] * (not recording.metadata["complete"])
+    print(f"{done.ticks} ticks at {1 / sample_time_s:g} Hz in {done.wall_seconds:.1f} s, {len(done.restarts)} restarts")
+    print("growth after the first minute, MB: " + ", ".join(f"{name} {mb:+.2f}" for name, mb in grown.items()))
+    causes = f"while the machine stood still {machine}, by our code {ours}, untold {untold}"
+    print(f"ticks missed: {done.missed_ticks}; {causes}")
+    latest = f"the latest {noise.max_ms:.1f} ms ({noise.scheduling})"
+    print(f"late wake-ups of idle processes: {len(noise.stalls)}, {latest}")
+    print("overruns: " + ", ".join(f"{name} {count}" for name, count in sorted(overruns.items())))
+    print(f"messages missing: {missing or 'none'}; bag complete: {recording.metadata['complete']}")
+    print("; ".join(broken) if broken else "all promises kept")
+    return 1 if broken else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

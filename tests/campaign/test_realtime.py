@@ -1,0 +1,152 @@
+"""Real-time care, the watchdog of the ticks, who missed a tick, and runs that go on for hours, shortened."""
+
+import json
+import math
+import os
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+
+from bringup.bags.reader import read_raw
+from bringup.bags.recorder import BagWriter, RecordedTopic
+from bringup.bench.endurance import COLUMNS, growth_mb, main, missing_messages
+from bringup.bench.host_noise import missed_by_us
+from bringup.ros import realtime
+from bringup.ros.health import health_of
+from bringup.ros.node_shell import Health
+from bringup.ros.realtime import Care, Latencies
+from bringup.topics import PRESSURE
+
+
+def test_care_says_what_the_system_has_permitted_and_gives_it_back() -> None:
+    """In a process of its own: locked memory is a matter of the whole process."""
+    probe = """
+import json, os
+from pathlib import Path
+from bringup.ros.realtime import Care
+status = lambda: Path("/proc/self/status").read_text().splitlines()
+locked = lambda: int(next(line for line in status() if line.startswith("VmLck")).split()[1])
+opened = lambda: [os.path.realpath(f"/proc/self/fd/{n}") for n in os.listdir("/proc/self/fd")]
+awake = lambda: opened().count("/dev/cpu_dma_latency")
+care = Care()
+said = care.begin()
+during = (locked(), awake())
+care.end()
+print(json.dumps([said, during, (locked(), awake()), care.state]))
+"""
+    result = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, timeout=60, check=True)
+    said, (locked, awake), after, state = json.loads(result.stdout)
+    assert ("memory locked" in said) == (locked > 0)
+    assert ("kept awake" in said) == (awake == 1)
+    assert "(" in said or (locked > 0 and awake == 1)  # whatever was refused has its reason
+    assert after == [0, 0]
+    assert state == "none"
+
+
+def test_latency_of_the_processors_is_held_at_zero(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    device = tmp_path / "cpu_dma_latency"
+    device.touch()
+    monkeypatch.setattr(realtime, "CPU_DMA_LATENCY", device)
+    care = Care()
+    assert care._keep_awake() == "processors kept awake"
+    assert device.read_bytes() == struct.pack("<i", 0)
+    care.end()
+    monkeypatch.setattr(realtime, "CPU_DMA_LATENCY", tmp_path / "missing")
+    assert care._keep_awake() == "processors may doze (No such file or directory)"
+
+
+@given(st.lists(st.floats(2e-6, 100.0), min_size=1, max_size=300), st.sampled_from([0.5, 0.9, 0.99]))
+def test_quantiles_are_those_of_the_durations_to_a_bin(durations: list[float], share: float) -> None:
+    latencies = Latencies()
+    for duration in durations:
+        latencies.add(duration)
+    exact = np.quantile(durations, share, method="inverted_cdf")
+    assert latencies.quantile_s(share) == pytest.approx(exact, rel=0.024)
+    assert latencies.quantile_s(1.0) == max(durations)
+    assert math.isnan(Latencies().quantile_s(0.5))
+
+
+def test_watchdog_counts_ticks_that_took_longer_than_they_may(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = [100.0]
+    monkeypatch.setattr("bringup.ros.node_shell.time.monotonic", lambda: now_s[0])
+    health = Health()
+    for took_s in (0.001, 0.030, 0.002, 0.015):
+        started_s = now_s[0]
+        now_s[0] += took_s
+        health.worked(started_s, 0.02)
+    said = health.report()
+    assert (said["overruns"], said["ticks"]) == ("1", "4")
+    assert float(said["longest_tick_ms"]) == pytest.approx(30.0)
+
+
+def test_overruns_of_a_node_are_those_of_all_its_lives() -> None:
+    lives = [("fdi", {"overruns": n}) for n in ("0", "2", "3", "0", "1", "nonsense")]
+    (row,) = health_of(lives)
+    assert row.overruns == 4
+
+
+def test_a_missed_tick_is_the_machines_only_when_a_stall_overlaps_it() -> None:
+    stalls = [(10.00, 10.03), (20.00, 20.01)]
+    assert missed_by_us([], 0.02, stalls) == (0, 0)
+    assert missed_by_us([9.99, 10.01, 10.02, 10.029], 0.02, stalls) == (4, 0)
+    assert missed_by_us([9.97, 10.03, 15.0], 0.02, stalls) == (0, 3)
+    assert missed_by_us([20.005, 30.0], 0.02, stalls) == (1, 1)
+
+
+def test_growth_is_that_after_the_first_minute() -> None:
+    time_s = list(range(0, 600, 10))
+    warming = [80.0 + min(t, 50) for t in time_s]
+    leaking = [80.0 + 0.01 * t for t in time_s]
+    assert growth_mb(time_s, warming, 60.0) == pytest.approx(0.0)
+    assert growth_mb(time_s, leaking, 60.0) == pytest.approx(0.01 * 540 * 0.75, rel=0.1)
+    assert math.isnan(growth_mb([0.0], [1.0], 60.0))
+
+
+def test_a_bag_of_many_chunks_keeps_its_index_on_disk_and_has_all_of_it_at_the_end(tmp_path: Path) -> None:
+    bag = BagWriter(tmp_path / "bag", [RecordedTopic("/ac/plant/superheat", PRESSURE, 10, 1.0)], {})
+    for k in range(50):
+        bag.write(0, bytes(40), k, k)
+        bag._flushed_s = -1.0
+        bag.flush_if_due()
+        assert len(bag._writer._Writer__chunk_indices) == 1
+    bag.close()
+    assert sorted(file.name for file in (tmp_path / "bag").iterdir()) == ["bag_0.mcap", "metadata.yaml"]
+    with (tmp_path / "bag" / "bag_0.mcap").open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+        assert summary is not None
+        assert len(summary.chunk_indexes) == 50
+        assert [index.message_start_time for index in summary.chunk_indexes] == list(range(50))
+        found = [message.log_time for _, _, message in make_reader(stream).iter_messages()]
+        assert found == list(range(50))
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+def test_a_long_run_shortened(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`python -m bringup.bench.endurance` in full: two hours at 50 Hz. Here: the bag, and no node that swells."""
+    main(["--seconds", "10", "--rate", "10", "--out", str(tmp_path)])
+    said = capsys.readouterr().out
+    rows = [line for line in said.splitlines() if line.strip().partition(" ")[0].isdecimal() and " s " in line]
+    assert len(rows) >= 4, said
+    assert all(len(row.split()) == 2 + len(COLUMNS) for row in rows)
+    assert "bag complete: True" in said, said
+    assert "has grown" not in said, said
+    assert "by our code" in said
+    missing = missing_messages(tmp_path / "bag", 100)
+    missed = int(said.partition("ticks missed: ")[2].partition(";")[0])
+    assert all(count <= missed for count in missing.values()), said
+    states = {values.get("realtime_care", "") for values in _last_health(tmp_path)}
+    assert any(state.startswith("memory") for state in states) or os.getuid() != 0, states
+
+
+def _last_health(out: Path) -> list[dict[str, str]]:
+    from bringup.bags.reader import health_reports
+
+    return [values for _, values in health_reports(read_raw(out / "bag")) if values.get("state") == "active"]
