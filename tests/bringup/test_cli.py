@@ -198,19 +198,19 @@ def test_completion_prints_what_the_shell_reads(shell: str):
 
 def on_a_terminal(**environment: str) -> str:
     """What `acftc scenarios` writes when its output is a terminal."""
-    child, terminal = pty.fork()
-    if child == 0:
-        os.environ.update(environment)
-        os.execv(sys.executable, [sys.executable, "-m", "bringup.cli", "scenarios"])
-    written = b""
-    while True:
-        try:
-            part = os.read(terminal, 65536)
-        except OSError:  # the child is gone
-            break
-        written += part
-    os.close(terminal)
-    assert os.waitpid(child, 0)[1] == 0
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-m", "bringup.cli", "scenarios"]
+    with subprocess.Popen(command, stdout=theirs, stderr=theirs, env={**os.environ, **environment}) as child:
+        os.close(theirs)
+        written = b""
+        while True:
+            try:
+                part = os.read(ours, 65536)
+            except OSError:  # the child is gone
+                break
+            written += part
+    os.close(ours)
+    assert child.returncode == 0
     return written.decode()
 
 
