@@ -65,6 +65,8 @@ def run_seed(seed: int, folder: Path, duration_s: float, progress: Callable[[int
     try:
         run = run_graph(chosen.scenario, folder, mode="realtime", progress=follow, own=own)
     except BringupError as failure:
+        if not any((folder / "bag").glob("*.mcap")):
+            raise  # it has not begun: nothing of the plan is to blame
         problem = str(failure)
     finally:
         attacker.end()

@@ -3,6 +3,7 @@
 import itertools
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ from bringup.campaign.plan import (
 )
 from bringup.campaign.run import as_dict, run_seed
 from bringup.cli import cli
+from bringup.errors import BringupError
 from bringup.ros.messages import BadMessage, message_class, reader
 from bringup.ros.restarts import Restart
 from bringup.topics import BY_NAME, CONTROLLER, FDI, RECORDER
@@ -198,6 +200,12 @@ def test_a_jump_across_a_gap_may_be_as_large_as_the_gap_is_long() -> None:
 
 
 # ------------------------------------------------------------------------------------------------- through the graph
+
+
+def test_a_run_that_cannot_begin_is_no_broken_promise(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", "none")
+    with pytest.raises(BringupError, match="ROS_DOMAIN_ID"):
+        run_seed(1, tmp_path / "seed", 18.0)
 
 
 @pytest.mark.ros
