@@ -82,6 +82,22 @@ def growth_mb(time_s: Sequence[float], memory_mb: Sequence[float], first_s: floa
     return float(np.median(after[-quarter:]) - np.median(after[:quarter]))
 
 
+def sustained_mb(time_s: Sequence[float], memory_mb: Sequence[float], first_s: float) -> float:
+    """Growth that goes on: twice the smaller of the growths of the two halves of what follows the first `first_s`.
+
+    A leak shows in both halves. A queue that once had to be longer, because the machine gave a node no time for a
+    while, keeps its memory afterwards: that is a step in one of them.
+    """
+    times, memory = np.array(time_s), np.array(memory_mb)
+    times, memory = times[times >= first_s], memory[times >= first_s]
+    if len(times) < 8:
+        return float("nan")
+    half = len(times) // 2
+    return 2.0 * min(
+        growth_mb(times[part].tolist(), memory[part].tolist(), 0.0) for part in (slice(half), slice(half, None))
+    )
+
+
 def missing_messages(bag: Path, ticks: int) -> dict[str, int]:
     """How many messages of each loop topic are not in the bag."""
     raw = read_raw(bag)
@@ -125,16 +141,20 @@ def run(seconds: float, sample_time_s: float, out: Path) -> int:
     grown = {
         name: growth_mb(watch.time_s, [row[i] for row in watch.memory_mb], first_s) for i, name in enumerate(COLUMNS)
     }
+    lasting = {
+        name: sustained_mb(watch.time_s, [row[i] for row in watch.memory_mb], first_s) for i, name in enumerate(COLUMNS)
+    }
     missing = missing_messages(done.bag, done.ticks)
     recording = read_bag(done.bag)
     overruns = {name: values.get("overruns", "0") for name, values in health_reports(read_raw(done.bag))}
-    broken = [f"{name} has grown by {mb:.1f} MB" for name, mb in grown.items() if mb > PLAY_MB]
+    broken = [f"{name} goes on growing, by {mb:.1f} MB" for name, mb in lasting.items() if mb > PLAY_MB]
     broken += [f"{ours} ticks missed by our code"] * (ours > 0)
     # A tick that was missed lacks messages; what lacks without one was lost.
     broken += [f"{name}: {count} messages missing" for name, count in missing.items() if count > done.missed_ticks]
     broken += ["the bag is not complete"] * (not recording.metadata["complete"])
     print(f"{done.ticks} ticks at {1 / sample_time_s:g} Hz in {done.wall_seconds:.1f} s, {len(done.restarts)} restarts")
     print("growth after the first minute, MB: " + ", ".join(f"{name} {mb:+.2f}" for name, mb in grown.items()))
+    print("of it goes on growing, MB: " + ", ".join(f"{name} {mb:+.2f}" for name, mb in lasting.items()))
     causes = f"while the machine stood still {machine}, by our code {ours}, untold {untold}"
     print(f"ticks missed: {done.missed_ticks}; {causes}")
     latest = f"the latest {noise.max_ms:.1f} ms ({noise.scheduling})"

@@ -9,7 +9,7 @@ import pytest
 from bad_inputs import KINDS, Kind, attack, judge, read_recording, small_bag
 from mutations import spoiled_bag
 
-INPUTS = {"scenario": 250, "override": 250, "bag": 400, "design": 400, "plant": 60, "cycle": 400, "node": 200}
+INPUTS = {"scenario": 250, "override": 250, "bag": 300, "design": 300, "plant": 40, "cycle": 300, "node": 100}
 
 
 @pytest.mark.parametrize("name", KINDS)
