@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bringup.errors import RunError
-from bringup.recording import Recording, StatusRow
+from bringup.recording import AS_USUAL, Recording, StatusRow
 from bringup.scenario import Scenario, program
 from bringup.software import software
-from bringup.topics import SERIES
+from bringup.topics import CONTROLLER, SERIES
 
 if TYPE_CHECKING:
     from fdi_node import FdiDesign, SuperheatSensor
@@ -89,6 +89,7 @@ def simulate(
     from fault_injector_node.injector import FaultInjector
     from fdi_node import FaultDetector
     from gimc_controller_node import Compensator, Controller
+    from gimc_controller_node.fallback import FallbackController
 
     passive = scenario.passive if passive is None else passive
     point, sample_time_s, ticks = scenario.operating_point, scenario.sample_time_s, scenario.ticks
@@ -100,7 +101,8 @@ def simulate(
         designs = designs_at(point, sample_time_s, scenario.sensors, scenario.superheat_sensor)
     detector = FaultDetector(designs.fdi)
     compensator = Compensator(designs.compensator, accommodate=not passive)
-    controller = Controller(designs.controller)
+    controller = FallbackController(Controller(designs.controller))
+    does, events = "", []
 
     log = {key: np.empty((ticks, width)) for key, width in _WIDTHS.items()}
     plant_log, air_log, measured_log, innovation_log = (
@@ -123,6 +125,9 @@ def simulate(
         q = compensator.step(found.innovation, found.isolated, found.also_isolated)
         command = controller.step(plan.reference[k], measured, q)
         detector.commanded(command)
+        if controller.does != does:
+            does = controller.does
+            events.append({"time_s": time_s, "node": CONTROLLER, "what": does or AS_USUAL})
         actuator = injector.actuate(command, f_n)
 
         plant_log[k] = outputs
@@ -172,6 +177,8 @@ def simulate(
             "started": datetime.now(UTC).isoformat(timespec="seconds"),
             "wall_seconds": time.perf_counter() - started,
             "missed_ticks": 0,
+            "events": events,
+            "restarts": [],
             "complete": True,
             "software": software(),
         },

@@ -23,6 +23,10 @@ class StatusRow(NamedTuple):
     also_isolated: str | None = None  # with both faults isolated: the one before `isolated`
 
 
+#: What a node announces when it does nothing out of the ordinary any more.
+AS_USUAL = "as usual again"
+
+
 @dataclass
 class Recording:
     """Every signal of one run, tick by tick, in the units of the wire (SI; temperatures of air and wall in degC).
@@ -37,7 +41,8 @@ class Recording:
     metadata : what was run: at least ``scenario`` (the whole scenario as plain dict), ``mode`` ("lockstep",
         "realtime" or "simulate"), ``passive``, ``sample_time_s``; where known ``wall_seconds``, ``missed_ticks``,
         ``command_latency_ms`` (from measurement to command: ``p50``, ``p99``, ``max``), ``complete`` (False for a bag
-        cut short).
+        cut short), ``events`` (what nodes announced: ``time_s``, ``node``, ``what``), ``restarts`` (of nodes that
+        had died: ``node``, ``died_s``, ``back_s``, ``reason``).
     """
 
     time_s: NDArray[np.float64]

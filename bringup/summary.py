@@ -59,6 +59,10 @@ def summarise(recording: Recording) -> dict[str, Any]:
         ``false_alarms``: detections that begin while no fault is present nor was within the last 60 s, plus isolations
         that name a fault that is not there although another one is.
 
+        ``restarts``: of nodes that had died, each with ``node``, ``died_s``, ``back_s`` (None: not within the run),
+        ``reason``. ``events``: what nodes announced (a missing input, a protection that acts, and the end of it), each
+        with ``time_s``, ``node``, ``what``.
+
         ``metrics``:
 
         - ``command_change_rpm``: compressor speed commanded, mean of the last 20 s of the run minus mean of the 20 s
@@ -105,6 +109,8 @@ def summarise(recording: Recording) -> dict[str, Any]:
         "complete": bool(about.get("complete", True)),
         "faults": fault_summaries(recording),
         "false_alarms": false_alarms(recording),
+        "restarts": about.get("restarts", []),
+        "events": about.get("events", []),
         "metrics": {
             "command_change_rpm": _number(_mean(command_rpm[at_rest]) - _mean(command_rpm[before])),
             "peak_pressure_error_kpa": _number(_peak(pressure_error_kpa[after])),

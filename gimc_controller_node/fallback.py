@@ -1,10 +1,13 @@
-"""The controller when something is missing: K0 without q, the safe command without measurements, and back again."""
+"""The controller in its surroundings: K0 without q, the safe command without measurements, protection."""
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bringup.safe_command import towards
 from gimc_controller_node.controller import Controller
+from gimc_controller_node.protection import IDLE, Protection, ProtectionLimits, protect, protective_command
 
 Vector = NDArray[np.float64]
 
@@ -17,18 +20,26 @@ class FallbackController:
     Parameters
     ----------
     controller : Controller
+    limits : ProtectionLimits, optional
+        Of what the plant may be asked to do.
 
     Attributes
     ----------
+    protection : Protection
+        What it does at present to keep the plant within these limits.
     mode : str
         What it does at present: `GIMC` (all is there), `K0_ALONE` (q is missing; the last one fades out), or `SAFE`
         (a measurement or a reference is missing).
     """
 
-    def __init__(self, controller: Controller) -> None:
+    def __init__(self, controller: Controller, limits: ProtectionLimits | None = None) -> None:
         self._controller = controller
+        self._limits = limits or ProtectionLimits()
+        self.protection: Protection = IDLE
         self._command = controller.design.command_rest.copy()
         self._safe = controller.design.command_rest
+        speed, opening = self._safe.tolist()
+        self._rest = (speed, opening)
         self._sample_time_s = controller.design.sample_time_s
         self.mode = GIMC
 
@@ -39,14 +50,27 @@ class FallbackController:
 
     def step(self, reference: Vector, measured: Vector, q: Vector | None) -> Vector:
         """Command of a tick with references and measurements; q None when there is none."""
-        if self.mode == SAFE:
+        before = self.protection
+        self.protection = protect(before, measured[0], measured[1], self._limits, self._sample_time_s)
+        if self.protection.reason:
+            target = np.array(protective_command(self.protection.reason, self._rest, self._limits))
+            rate = (self._limits.speed_rate_rad_s2, self._limits.valve_rate_1_s)
+            self.mode = GIMC if q is not None else K0_ALONE
+            self._command = towards(self._command, target, self._sample_time_s, rate)
+            return self._command
+        if self.mode == SAFE or before.reason:
             self._controller.resume(self._command, measured, reference)
         command = self._controller.step(reference, measured, q)
-        if not np.isfinite(command).all():  # numbers that overflowed: begin anew from what the actuators do
+        if math.isnan(command[0] + command[1]):  # numbers that overflowed: begin anew from what the actuators do
             return self.blind()
         self.mode = GIMC if q is not None else K0_ALONE
         self._command = command
         return command
+
+    @property
+    def does(self) -> str:
+        """All that is out of the ordinary at present, in words; empty when nothing is."""
+        return "; ".join(text for text in (self.mode, self.protection.reason) if text)
 
     def blind(self) -> Vector:
         """Command of a tick that lacks measurements or references: one stride nearer to the safe command."""

@@ -18,11 +18,26 @@ from bringup.ros.node_shell import (
     RUN_START,
     SAMPLE_TIME,
     NodeShell,
+    Parameter,
     run_node,
 )
 from bringup.topics import CONTROLLER
 
-PARAMETERS = (OPERATING_POINT, SAMPLE_TIME, MODE, RUN_START, DESIGN_FILE, DESIGN_COPY)
+#: Fields of `ProtectionLimits` that are parameters, with what they may be.
+LIMITS = {
+    "lowest_pressure_pa": (160e3, 0.0, 1e6, "evaporator pressure below which the compressor is slowed down, Pa"),
+    "lowest_superheat_k": (3.0, 0.0, 50.0, "superheat below which the valve is closed, K"),
+    "release_s": (10.0, 0.0, 600.0, "how long all must be well before the controller takes over again, s"),
+}
+PARAMETERS = (
+    OPERATING_POINT,
+    SAMPLE_TIME,
+    MODE,
+    RUN_START,
+    DESIGN_FILE,
+    DESIGN_COPY,
+    *(Parameter(f"protection.{name}", value, text, low, high) for name, (value, low, high, text) in LIMITS.items()),
+)
 
 #: How long the last measurement stands in for a missing one, s.
 MEASUREMENT_HOLD_S = 0.5
@@ -42,8 +57,10 @@ class ControllerNode(NodeShell):
         """Load the design of the operating point."""
         from gimc_controller_node import Controller, ControllerDesign
         from gimc_controller_node.fallback import FallbackController
+        from gimc_controller_node.protection import ProtectionLimits
 
-        self._controller = FallbackController(Controller(self.design(ControllerDesign)))
+        limits = ProtectionLimits(**{name: self.value(f"protection.{name}") for name in LIMITS})
+        self._controller = FallbackController(Controller(self.design(ControllerDesign)), limits)
         self._setpoint: np.ndarray | None = None
         self._joins = self.value("run_start_ns") >= 0
         self._waited_s = 0.0
@@ -81,7 +98,8 @@ class ControllerNode(NodeShell):
             self._send(time_ns, self._controller.blind())
 
     def _send(self, time_ns: int, command: np.ndarray) -> None:
-        self.enter(self._controller.mode, time_ns)
+        if self._controller.does != self.health.mode:
+            self.enter(self._controller.does, time_ns)
         self.send(time_ns, "controller/command", *command.tolist())
 
     def _held(self, time_ns: int, *setpoint: float) -> None:  # noqa: ARG002

@@ -167,6 +167,7 @@ def read_bag(bag: Path | str) -> Recording:
     recording.metadata.update(_timing(_last_health(raw, PLANT)))
     recording.metadata["overruns"] = {node.name: node.overruns for node in health_of(health_reports(raw))}
     recording.metadata["restarts"] = _restarts(_last_health(raw, BRINGUP))
+    recording.metadata["events"] = _events(raw, first, scenario.ticks * tick_ns)
     return recording
 
 
@@ -236,6 +237,22 @@ def _restarts(health: dict[str, str]) -> list[dict[str, Any]]:
         return [dict(restart) for restart in json.loads(health["restarts"])]
     except (KeyError, ValueError, TypeError):
         return []
+
+
+def _events(raw: RawBag, first: int, duration_ns: int) -> list[dict[str, Any]]:
+    """What nodes announced within the run, in order of time."""
+    found = []
+    for name, values in health_reports(raw):
+        try:
+            announced = [(int(time_ns) - first, str(what)) for time_ns, what in json.loads(values["announced"])]
+        except (KeyError, ValueError, TypeError):
+            continue
+        found += [
+            {"time_s": time_ns / 1e9, "node": name, "what": what}
+            for time_ns, what in announced
+            if 0 <= time_ns < duration_ns
+        ]
+    return sorted(found, key=lambda event: event["time_s"])
 
 
 def health_reports(raw: RawBag) -> Iterator[tuple[str, dict[str, str]]]:

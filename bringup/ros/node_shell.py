@@ -36,6 +36,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.subscription import Subscription
 
 from bringup.files import write_whole
+from bringup.recording import AS_USUAL
 from bringup.ros.arguments import ArgumentError, init
 from bringup.ros.cdr import Packer, packer
 from bringup.ros.inputs import Gate, LoopInputs, Subscriptions
@@ -180,9 +181,9 @@ class Health:
         self._last_input_s = started_s
         self._latencies_s.append(took_s)
 
-    def announce(self, time_s: float, text: str) -> None:
+    def announce(self, time_ns: int, text: str) -> None:
         """Have a change of what the node does (at a tick's time) in the next report."""
-        self._announced.append((time_s, text))
+        self._announced.append((time_ns, text))
 
     def report(self) -> dict[str, str]:
         """Figures since the last call."""
@@ -344,8 +345,9 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         """Announce that the node does something else from this tick on; empty: all is as usual again."""
         if mode == self.health.mode:
             return
-        self.health.announce(time_ns / 1e9, mode or "as usual again")
-        print(f"{self.get_name()}: {time_ns / 1e9:.3f} s: {mode or 'as usual again'}", file=sys.stderr, flush=True)
+        what = mode or AS_USUAL
+        self.health.announce(time_ns, what)
+        print(f"{self.get_name()}: {time_ns / 1e9:.3f} s: {what}", file=sys.stderr, flush=True)
         self.health.mode = mode
         self.soon(self.report_health)
 

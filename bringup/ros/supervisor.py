@@ -333,7 +333,7 @@ class Supervisor:
     def _is_back(self, name: str) -> None:
         """Note that a node that had died works again."""
         for restart in self.restarts:
-            if restart.node == name and restart.back_s != restart.back_s and int(self._of(name, "ticks") or 0) > 0:
+            if restart.node == name and restart.back_s is None and int(self._of(name, "ticks") or 0) > 0:
                 restart.back_s = self._run_s()
                 self._report()
 
@@ -345,7 +345,7 @@ class Supervisor:
     def _report(self) -> None:
         """Tell on /diagnostics, and so in the bag, what was done."""
         self._reported_s = time.monotonic()
-        waiting = [restart.node for restart in self.restarts if restart.back_s != restart.back_s]
+        waiting = [restart.node for restart in self.restarts if restart.back_s is None]
         message = DiagnosticArray()
         message.header.stamp = self.node.get_clock().now().to_msg()
         message.status = [
