@@ -244,13 +244,14 @@ def _events(raw: RawBag, first: int, duration_ns: int) -> list[dict[str, Any]]:
     found = []
     for name, values in health_reports(raw):
         try:
-            announced = [(int(time_ns) - first, str(what)) for time_ns, what in json.loads(values["announced"])]
+            announced = [(float(time_s), str(what)) for time_s, what in json.loads(values["announced"])]
         except (KeyError, ValueError, TypeError):
             continue
+        since = [(round(time_s - first / 1e9, 6) if first else time_s, what) for time_s, what in announced]
         found += [
-            {"time_s": time_ns / 1e9, "node": name, "what": what}
-            for time_ns, what in announced
-            if 0 <= time_ns < duration_ns
+            {"time_s": time_s, "node": name, "what": what}
+            for time_s, what in since
+            if 0.0 <= time_s < duration_ns / 1e9
         ]
     return sorted(found, key=lambda event: event["time_s"])
 

@@ -181,9 +181,9 @@ class Health:
         self._last_input_s = started_s
         self._latencies_s.append(took_s)
 
-    def announce(self, time_ns: int, text: str) -> None:
+    def announce(self, time_s: float, text: str) -> None:
         """Have a change of what the node does (at a tick's time) in the next report."""
-        self._announced.append((time_ns, text))
+        self._announced.append((time_s, text))
 
     def report(self) -> dict[str, str]:
         """Figures since the last call."""
@@ -346,7 +346,7 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         if mode == self.health.mode:
             return
         what = mode or AS_USUAL
-        self.health.announce(time_ns, what)
+        self.health.announce(time_ns / 1e9, what)
         print(f"{self.get_name()}: {time_ns / 1e9:.3f} s: {what}", file=sys.stderr, flush=True)
         self.health.mode = mode
         self.soon(self.report_health)
