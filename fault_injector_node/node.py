@@ -89,6 +89,7 @@ class InjectorNode(NodeShell):
         self._injector = FaultInjector(self.value("noise_std"), self.value("seed"), self.value("superheat_sensor"))
         self._live = {fault: LiveFault(self.value("sample_time_s")) for fault in FAULTS}
         self._last_f_n = 0.0
+        self._moved_ns = -1  # the tick in which actuators were moved without a command
         self._f_n: dict[int, float] = {}  # of ticks whose command has not come yet
         self._measured_ns = -1
         self._derived = self.value("superheat_sensor") == "derived"
@@ -156,6 +157,8 @@ class InjectorNode(NodeShell):
         self._commanded_ns = time_ns
         self._hold.commanded((compressor_speed, valve_opening))
         self.enter("", time_ns)
+        if time_ns == self._moved_ns:
+            return  # they have had their command for this tick
         actuator = self._injector.actuate(np.array([compressor_speed, valve_opening]), f_n)
         self.send(time_ns, "actuator/command", *actuator.tolist())
 
@@ -168,6 +171,7 @@ class InjectorNode(NodeShell):
         self.send(time_ns, "actuator/setpoint", *setpoint.tolist())
         if self._hold.is_over:
             self.enter("no command: actuators go to the safe command", time_ns)
+            self._moved_ns = time_ns
             self.send(time_ns, "actuator/command", *self._injector.actuate(setpoint, f_n).tolist())
         elif self._hold.silent_ticks > 1:
             self.enter("no command: actuators hold the last one", time_ns)

@@ -10,6 +10,7 @@ import sys
 import numpy as np
 
 from bringup.recording import StatusRow
+from bringup.ros.frozen import FROZEN_S, Frozen
 from bringup.ros.node_shell import (
     DESIGN_COPY,
     DESIGN_FILE,
@@ -59,6 +60,7 @@ class FdiNode(NodeShell):
         start_ns = self.value("run_start_ns")
         self._start_ns: int | None = start_ns if start_ns >= 0 else None
         self._joins = start_ns >= 0
+        self._frozen = Frozen(MEASURED)
         self._last_command: np.ndarray | None = None
         self._observed_ns = -1
         self._waits_for_command_of: int | None = None
@@ -77,6 +79,9 @@ class FdiNode(NodeShell):
 
     def _measured(self, time_ns: int, *values: float) -> None:
         """Observe; a measurement that overtook the command of the tick before waits for it."""
+        if self.is_realtime and (topic := self._frozen.which(time_ns / 1e9, values[:3])):
+            self.reject(topic, "frozen", f"{topic}: has stood still for {FROZEN_S:g} s while others moved")
+            return
         if self._joins and not self._join(time_ns, *values):
             return
         if self._waits_for_command_of is None:

@@ -10,6 +10,7 @@ import sys
 
 import numpy as np
 
+from bringup.ros.frozen import FROZEN_S, Frozen
 from bringup.ros.node_shell import (
     DESIGN_COPY,
     DESIGN_FILE,
@@ -61,6 +62,7 @@ class ControllerNode(NodeShell):
 
         limits = ProtectionLimits(**{name: self.value(f"protection.{name}") for name in LIMITS})
         self._controller = FallbackController(Controller(self.design(ControllerDesign)), limits)
+        self._frozen = Frozen(("measured/evaporator_pressure", "measured/superheat"))
         self._setpoint: np.ndarray | None = None
         self._joins = self.value("run_start_ns") >= 0
         self._waited_s = 0.0
@@ -87,6 +89,10 @@ class ControllerNode(NodeShell):
             self.on_tick(("actuator/setpoint",), self._held)
 
     def _step(self, time_ns: int, *values: float) -> None:
+        if self.is_realtime and (topic := self._frozen.which(time_ns / 1e9, values[2:4])):
+            self.reject(topic, "frozen", f"{topic}: has stood still for {FROZEN_S:g} s while others moved")
+            self._blind(time_ns)
+            return
         reference, measured = np.array(values[:2]), np.array(values[2:4])
         if self._joins and not self._take_over(measured, reference):
             return

@@ -68,6 +68,7 @@ class GraphRun:
     domain: int
     restarts: tuple[Restart, ...] = ()
     missed_at_s: tuple[float, ...] = ()  # beginnings of the missed ticks (the last 200), on the monotonic clock
+    strangers: tuple[str, ...] = ()  # what was last seen in the graph that does not belong there
 
 
 def run_graph(
@@ -162,6 +163,7 @@ def run_graph(
                         domain=domain.number,
                         restarts=tuple(supervisor.restarts),
                         missed_at_s=_missed_at(health, scenario.sample_time_s),
+                        strangers=tuple(supervisor.strangers),
                     )
             finally:
                 stop([child for name, child in children.items() if name != RECORDER])

@@ -440,7 +440,7 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         self.soon(self.report_health)
 
     def _new_inputs(self) -> None:
-        self.inputs = LoopInputs(self._reject)
+        self.inputs = LoopInputs(self.reject)
         self.loop_subscriptions = Subscriptions(self.context, False, self.inputs.take)
 
     def _forget(self) -> None:
@@ -516,7 +516,8 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
             return bytes(DiagnosticStatus.ERROR)
         return bytes(DiagnosticStatus.WARN if self.health.mode else DiagnosticStatus.OK)
 
-    def _reject(self, topic: str, reason: str, text: str) -> None:  # noqa: ARG002
+    def reject(self, topic: str, reason: str, text: str) -> None:  # noqa: ARG002
+        """Count a message that is not acted upon, by a word for the reason; keep what was wrong with it."""
         self.health.rejected[reason] += 1
         self.health.last_rejected = text
 

@@ -18,11 +18,12 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.signals import SignalHandlerOptions
 
 from bringup.errors import RunError
+from bringup.ros.definitions import type_hash
 from bringup.ros.node_shell import PLAIN_QOS
 from bringup.ros.own_nodes import OwnNodes
 from bringup.ros.processes import Child
 from bringup.ros.restarts import Restart, RestartPolicy
-from bringup.topics import NAMESPACE, OCCASIONAL, PLANT, RECORDER, TOPICS, Topic
+from bringup.topics import BRINGUP, NAMESPACE, OCCASIONAL, PLANT, RECORDER, TOPICS, Topic
 
 #: How often the processes are looked at while nothing comes in, s.
 LOOK_S = 0.05
@@ -62,7 +63,8 @@ class Supervisor:
         self.restarts: list[Restart] = []
         self._changed: dict[str, dict[str, Any]] = {}  # parameters that were set while nodes ran
         self._is_running = False
-        self._reported_s = 0.0
+        self._looked_s = 0.0
+        self.strangers: list[str] = []  # what is in the graph and does not belong there
         self.health: dict[str, dict[str, str]] = {}
         self._replies: dict[tuple[str, int], Any] = {}
         # The middleware reads its settings from this process's environment; the domain is given to it directly, so that
@@ -304,8 +306,12 @@ class Supervisor:
         for name, due_s in list(self._due_s.items()):
             if now_s >= due_s:
                 self._start_again(name)
-        if self._is_running and self.restarts and now_s - self._reported_s >= REPORT_PERIOD_S:
-            self._report()
+        if self._is_running and now_s - self._looked_s >= REPORT_PERIOD_S:
+            self._looked_s = now_s
+            strangers = self._look_for_strangers()
+            if strangers or strangers != self.strangers or self.restarts:
+                self.strangers = strangers
+                self._report()
 
     # -- restarts -----------------------------------------------------------------------------------------------
 
@@ -344,16 +350,18 @@ class Supervisor:
 
     def _report(self) -> None:
         """Tell on /diagnostics, and so in the bag, what was done."""
-        self._reported_s = time.monotonic()
         waiting = [restart.node for restart in self.restarts if restart.back_s is None]
         message = DiagnosticArray()
         message.header.stamp = self.node.get_clock().now().to_msg()
         message.status = [
             DiagnosticStatus(
-                level=DiagnosticStatus.WARN if waiting else DiagnosticStatus.OK,
-                name=f"{NAMESPACE}/bringup",
-                message=f"restarting {', '.join(waiting)}" if waiting else "all nodes are running",
-                values=[KeyValue(key="restarts", value=json.dumps([asdict(restart) for restart in self.restarts]))],
+                level=DiagnosticStatus.WARN if waiting or self.strangers else DiagnosticStatus.OK,
+                name=f"{NAMESPACE}/{BRINGUP}",
+                message=f"restarting {', '.join(waiting)}" if waiting else "; ".join(self.strangers) or "all is well",
+                values=[
+                    KeyValue(key="restarts", value=json.dumps([asdict(restart) for restart in self.restarts])),
+                    KeyValue(key="strangers", value=json.dumps(self.strangers)),
+                ],
             )
         ]
         self._diagnostics.publish(message)
@@ -364,6 +372,33 @@ class Supervisor:
         if self._is_running and event.node == f"{NAMESPACE}/{name}" and name in self._children:
             new = {parameter.name: parameter_value_to_python(parameter.value) for parameter in event.changed_parameters}
             self._changed.setdefault(name, {}).update(new)
+
+    def _look_for_strangers(self) -> list[str]:
+        """Nodes and publishers that do not belong to this graph, one line each."""
+        known = {*self._children, BRINGUP}
+        found = [
+            f"foreign node {NAMESPACE}/{name}"
+            for name, namespace in sorted(set(self.node.get_node_names_and_namespaces()))
+            if namespace == NAMESPACE and name not in known
+        ]
+        for topic in (*TOPICS, *OCCASIONAL):
+            full = f"{NAMESPACE}/{topic.name}"
+            writers = self.node.get_publishers_info_by_topic(full)
+            own = [writer for writer in writers if _is(topic.publisher, writer)]
+            if len(own) > 1 and not any(restart.node == topic.publisher for restart in self.restarts):
+                found.append(f"{full}: {len(own)} publishers called {topic.publisher}")
+            found += [
+                f"{full}: second publisher {_called(writer)}"
+                for writer in writers
+                if not _is(topic.publisher, writer) and "UNKNOWN" not in writer.node_name
+            ]
+            ours = type_hash(topic.type)
+            for endpoint in (*writers, *self.node.get_subscriptions_info_by_topic(full)):
+                if endpoint.topic_type != topic.type:
+                    found.append(f"{full}: {_called(endpoint)} has type {endpoint.topic_type} instead of {topic.type}")
+                elif str(endpoint.topic_type_hash).startswith("RIHS") and str(endpoint.topic_type_hash) != ours:
+                    found.append(f"{full}: {_called(endpoint)} has another version of {topic.type}")
+        return found
 
     def _refusals(self) -> str:
         """What the nodes have refused: why a loop may stand still."""
@@ -384,3 +419,7 @@ class Supervisor:
 def _is(name: str, endpoint: Any) -> bool:
     """Whether a publisher or subscriber belongs to our node of that name."""
     return bool(endpoint.node_name == name and endpoint.node_namespace == NAMESPACE)
+
+
+def _called(endpoint: Any) -> str:
+    return f"{endpoint.node_namespace.rstrip('/')}/{endpoint.node_name}"

@@ -23,12 +23,12 @@ pytestmark = pytest.mark.ros
 
 FAULTY = {
     "name": "faulty",
-    "duration_s": 36.0,
+    "duration_s": 31.0,
     "faults": [{"kind": "compressor_speed", "size_rpm": 40, "onset_s": 0.5}],
     "noise": {"evaporator_pressure_kpa": 0.02, "superheat_k": 0.02, "wall_temperature_k": 0.02, "seed": 7},
 }
 #: By the tick at which it is killed. The fault is isolated by the first of them.
-KILLED = {45: FDI, 95: COMPENSATOR, 140: RECORDER, 190: CONTROLLER, 240: INJECTOR, 290: SCENARIO}
+KILLED = {42: FDI, 82: COMPENSATOR, 122: RECORDER, 162: CONTROLLER, 212: INJECTOR, 252: SCENARIO}
 #: A node is to be back within 3 s (`acftc bench` measures it); a machine that is busy with other tests takes longer.
 PATIENCE_S = 8.0
 SPEED, OPENING, Q = "controller/command:compressor", "controller/command:expansion_valve", "compensator/q:compressor"
@@ -59,7 +59,7 @@ def test_every_node_is_started_again_and_comes_back(ordeal: Ordeal) -> None:
         assert restart.back_s is not None
         assert restart.back_s - restart.died_s < PATIENCE_S
         assert "SIGKILL" in restart.reason
-    assert len(ordeal.recording.time_s) == 360
+    assert len(ordeal.recording.time_s) == 310
 
 
 @pytest.mark.parametrize("node", [FDI, COMPENSATOR])
@@ -78,7 +78,7 @@ def test_without_fdi_or_compensator_k0_goes_on_and_no_command_is_missed(node: st
 
 def test_recorder_goes_on_in_a_file_of_its_own(ordeal: Ordeal) -> None:
     assert [file.name for file in sorted(ordeal.run.bag.glob("*.mcap"))] == ["bag_0.mcap", "bag_1.mcap"]
-    lost = ordeal.missing(SPEED, 0, 180)
+    lost = ordeal.missing(SPEED, 0, ordeal.died[CONTROLLER] - 2)
     assert len(lost) < 10 * PATIENCE_S
     assert lost == list(range(lost[0], lost[0] + len(lost)))
     assert abs(lost[0] - ordeal.died[RECORDER]) <= 5  # it loses what it had not flushed yet
@@ -113,7 +113,7 @@ def test_without_a_controller_the_actuators_hold_then_go_to_the_safe_command(ord
 @pytest.mark.parametrize("node", [INJECTOR, SCENARIO])
 def test_without_injector_or_scenario_commands_go_on(node: str, ordeal: Ordeal) -> None:
     died = ordeal.died[node]
-    assert ordeal.missing(SPEED, died, min(died + 50, 359)) == []
+    assert ordeal.missing(SPEED, died, min(died + 50, 309)) == []
 
 
 def test_references_and_faults_go_on_where_they_would_be(ordeal: Ordeal) -> None:

@@ -1,0 +1,67 @@
+"""A lossy link between plant and controller: 20 % of the messages lost, the others late by up to 50 ms."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bringup.bags.reader import health_reports, read_bag, read_raw
+from bringup.ros.graph import run_graph
+from bringup.ros.own_nodes import own_nodes
+from bringup.scenario import check
+
+pytestmark = pytest.mark.ros
+
+SCENARIO = {
+    "name": "lossy",
+    "duration_s": 22.0,
+    "references": {"evaporator_pressure_kpa": [{"at_s": 2, "to": 2.0}]},
+    "faults": [{"kind": "compressor_speed", "size_rpm": 40, "onset_s": 8}],
+    "noise": {"evaporator_pressure_kpa": 0.02, "superheat_k": 0.02, "wall_temperature_k": 0.02, "seed": 3},
+}
+#: The injector with a bad link on both sides: what it would send is lost or sent later, by chance.
+LOSSY = """
+import heapq, random, sys, time
+from fault_injector_node.node import InjectorNode
+from bringup.ros.node_shell import run_node
+LINK = {"measured/evaporator_pressure", "measured/superheat", "measured/wall_temperature", "actuator/command"}
+class Lossy(InjectorNode):
+    chance, waiting = random.Random(5), []
+    def send(self, time_ns, topic, *values):
+        if topic not in LINK:
+            super().send(time_ns, topic, *values)
+        elif self.chance.random() >= 0.2:
+            due = time.monotonic() + 0.05 * self.chance.random()
+            heapq.heappush(self.waiting, (due, topic, time_ns, values))
+            self.deadline_s = self.waiting[0][0]
+    def on_deadline(self):
+        while self.waiting and self.waiting[0][0] <= time.monotonic() + 1e-4:
+            _, topic, time_ns, values = heapq.heappop(self.waiting)
+            super().send(time_ns, topic, *values)
+        self.deadline_s = self.waiting[0][0] if self.waiting else float("inf")
+sys.exit(run_node(Lossy))
+"""
+
+
+def test_loop_stays_stable_on_a_lossy_link_and_says_what_was_missing(tmp_path: Path) -> None:
+    relay = tmp_path / "lossy.py"
+    relay.write_text(LOSSY)
+    own = own_nodes([f"fault_injector={sys.executable} {relay}"])
+    run = run_graph(check(SCENARIO), tmp_path / "out", mode="realtime", own=own)
+    recording = read_bag(run.bag)
+    series = recording.series
+    lost = {
+        topic: float(np.mean(np.isnan(series[topic])))
+        for topic in ("measured/superheat", "actuator/command:compressor")
+    }
+    assert all(0.1 < share < 0.35 for share in lost.values()), lost
+    assert np.mean(np.isnan(series["controller/command:compressor"])) < 0.02  # a command in every tick
+    error_pa = series["plant/evaporator_pressure"] - series["reference/evaporator_pressure"]
+    assert np.nanmax(np.abs(error_pa[50:])) < 3e3
+    assert np.nanmean(np.abs(error_pa[-50:])) < 1e3
+    assert np.nanmin(series["plant/superheat"]) > 15.0
+    last = dict(health_reports(read_raw(run.bag)))
+    assert int(last["gimc_controller"]["missing/measured/superheat"]) > 20
+    assert int(last["fdi"]["missing/measured/wall_temperature"]) > 20
+    assert recording.status[-1].isolated in ("compressor_speed", None)
