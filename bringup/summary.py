@@ -109,7 +109,7 @@ def summarise(recording: Recording) -> dict[str, Any]:
         "complete": bool(about.get("complete", True)),
         "faults": fault_summaries(recording),
         "false_alarms": false_alarms(recording),
-        "restarts": about.get("restarts", []),
+        "restarts": [_with_numbers(restart) for restart in about.get("restarts", [])],
         "events": about.get("events", []),
         "metrics": {
             "command_change_rpm": _number(_mean(command_rpm[at_rest]) - _mean(command_rpm[before])),
@@ -119,6 +119,11 @@ def summarise(recording: Recording) -> dict[str, Any]:
             "steady_superheat_error_k": _number(_mean(superheat_error_k[at_rest])),
         },
     }
+
+
+def _with_numbers(row: dict[str, Any]) -> dict[str, Any]:
+    """What JSON can hold: None in place of nan."""
+    return {key: None if isinstance(value, float) and math.isnan(value) else value for key, value in row.items()}
 
 
 def write_summary(summary: dict[str, Any], path: Path) -> None:

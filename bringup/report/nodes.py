@@ -154,7 +154,7 @@ def _restarts(report: Report) -> Iterator[Event]:
     try:
         for restart in json.loads(report.values.get("restarts", "[]")):
             died_s = float(restart["died_s"])
-            back_s = math.nan if restart["back_s"] is None else float(restart["back_s"])
+            back_s = float(restart["back_s"])
             then = f"back in service {back_s - died_s:.1f} s later" if math.isfinite(back_s) else "not back in service"
             yield Event(died_s, str(restart["node"]), f"died ({restart['reason']}) and was started again; {then}")
     except (ValueError, TypeError, KeyError):

@@ -15,14 +15,14 @@ class Restart:
     Attributes
     ----------
     died_s : when bringup saw that the process was gone.
-    back_s : when the node was back in service; None while it is not.
+    back_s : when the node was back in service; nan while it is not.
     reason : signal or exit code, and its last words.
     """
 
     node: str
     died_s: float
     reason: str
-    back_s: float | None = None
+    back_s: float = float("nan")
 
 
 @dataclass

@@ -1,6 +1,7 @@
 """Manages running nodes over ROS: life cycle, readiness, health, restarts. Processes are in `processes`."""
 
 import json
+import math
 import os
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -339,7 +340,7 @@ class Supervisor:
     def _is_back(self, name: str) -> None:
         """Note that a node that had died works again."""
         for restart in self.restarts:
-            if restart.node == name and restart.back_s is None and int(self._of(name, "ticks") or 0) > 0:
+            if restart.node == name and math.isnan(restart.back_s) and int(self._of(name, "ticks") or 0) > 0:
                 restart.back_s = self._run_s()
                 self._report()
 
@@ -350,7 +351,7 @@ class Supervisor:
 
     def _report(self) -> None:
         """Tell on /diagnostics, and so in the bag, what was done."""
-        waiting = [restart.node for restart in self.restarts if restart.back_s is None]
+        waiting = [restart.node for restart in self.restarts if math.isnan(restart.back_s)]
         message = DiagnosticArray()
         message.header.stamp = self.node.get_clock().now().to_msg()
         message.status = [

@@ -56,7 +56,6 @@ def ordeal(tmp_path_factory: pytest.TempPathFactory) -> Ordeal:
 def test_every_node_is_started_again_and_comes_back(ordeal: Ordeal) -> None:
     assert [restart.node for restart in ordeal.run.restarts] == list(KILLED.values())
     for restart in ordeal.run.restarts:
-        assert restart.back_s is not None
         assert restart.back_s - restart.died_s < PATIENCE_S
         assert "SIGKILL" in restart.reason
     assert len(ordeal.recording.time_s) == 310
