@@ -175,7 +175,7 @@ class PlantNode(NodeShell):
         self._late_wakeups += late_s > LATE_SHARE * self._sample_time_s
         late = int(late_s / self._sample_time_s)
         if late > 0 and self._last_tick >= 0:
-            late = min(late, self._last_tick - self._tick)
+            late = min(late, max(self._last_tick - self._tick - 1, 0))  # the last tick is published, however late
         for _ in range(late):  # it was stopped: what it missed goes by in silence, as a plant does not stand still
             self._close_tick()
             self._step()
