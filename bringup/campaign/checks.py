@@ -1,8 +1,8 @@
 """The promises of the graph, judged over what a run of a campaign has left: pure functions over recorded data."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,8 +56,8 @@ class Evidence:
     restarts : what bringup started again.
     rejected : messages refused, by node, then by reason.
     limits : of the command.
-    left : command lines of processes that were still there after the run.
-    complete : whether the bag was closed as it should be.
+    left : nodes whose processes were still there after the run.
+    told : ticks that the plant itself reports as missed; one that the machine did not wake in time has no messages.
     """
 
     plan: Plan
@@ -71,8 +71,7 @@ class Evidence:
     rejected: Mapping[str, Mapping[str, int]]
     limits: Limits
     left: Sequence[str] = ()
-    complete: bool = True
-    files: Sequence[str] = field(default=())
+    told: Collection[int] = ()
 
 
 @dataclass(frozen=True)
@@ -141,10 +140,11 @@ def commands_do_not_jump(evidence: Evidence) -> Verdict:
 
 
 def no_command_is_missed(evidence: Evidence) -> Verdict:
-    """A command in every tick while the controller, what it hears from, and the recorder are alive and running."""
+    """A command in every tick that the plant began, while controller, injector and recorder are alive and running."""
     tick_s = evidence.plan.scenario.sample_time_s
     ticks = np.rint(evidence.command_s / tick_s).astype(np.int64)
-    missing = np.setdiff1d(np.arange(evidence.ticks), ticks) * tick_s
+    begun = np.flatnonzero(np.isfinite(evidence.pressure_kpa))
+    missing = np.setdiff1d(begun, ticks) * tick_s
     for fault in evidence.plan.processes:
         if fault.node in (CONTROLLER, RECORDER, INJECTOR):
             start_s, end_s = disturbed(fault, evidence.restarts)
@@ -183,9 +183,11 @@ def plant_stays_where_it_is_safe(evidence: Evidence) -> Verdict:
 
 
 def bag_is_complete(evidence: Evidence) -> Verdict:
-    """Every tick is in the bag; a killed recorder loses what it had not flushed and the time until it is back."""
+    """Every tick is in the bag or told as missed; a killed recorder loses what it had not flushed, and its absence."""
     wanted = evidence.plan.scenario.ticks
-    missing = np.flatnonzero(~np.isfinite(evidence.pressure_kpa)) * evidence.plan.scenario.sample_time_s
+    silent = np.flatnonzero(~np.isfinite(evidence.pressure_kpa))
+    missing = np.setdiff1d(silent, np.array(sorted(evidence.told), dtype=np.int64))
+    missing = missing * evidence.plan.scenario.sample_time_s
     for fault in evidence.plan.processes:
         if fault.node == RECORDER and fault.kind == "kill":
             start_s, end_s = disturbed(fault, evidence.restarts)

@@ -22,7 +22,7 @@ from bringup.files import write_whole
 from bringup.ros.cdr import NANOSECONDS, columns, stamps_ns
 from bringup.ros.graph import GraphRun, run_graph
 from bringup.ros.own_nodes import OwnNodes
-from bringup.topics import BY_NAME, CONTROLLER, INJECTOR
+from bringup.topics import BY_NAME, CONTROLLER, INJECTOR, PLANT
 from bringup.units import KPA
 
 COMMAND = BY_NAME["controller/command"]
@@ -63,7 +63,7 @@ def run_seed(seed: int, folder: Path, duration_s: float, progress: Callable[[int
 
     run, problem = None, ""
     try:
-        run = run_graph(chosen.scenario, folder, mode="realtime", progress=follow, own=own)
+        run = run_graph(chosen.scenario, folder, mode="realtime", progress=follow, own=own, care=True)
     except BringupError as failure:
         if not any((folder / "bag").glob("*.mcap")):
             raise  # it has not begun: nothing of the plan is to blame
@@ -138,7 +138,10 @@ def gather(chosen: Plan, folder: Path, run: GraphRun | None, problem: str) -> Ev
     order = np.argsort(stamps, kind="stable")
     first = int(stamps_ns(beats[:1])[0]) if beats else 0
     rejected: dict[str, dict[str, int]] = {}
+    told: set[int] = set()
     for name, values in health_reports(raw):
+        if name == PLANT:
+            told.update(json.loads(values.get("missed_at", "[]")))
         for key, value in values.items():
             if key.startswith(REJECTED) and value.isdecimal():
                 by_reason = rejected.setdefault(name, {})
@@ -156,6 +159,7 @@ def gather(chosen: Plan, folder: Path, run: GraphRun | None, problem: str) -> Ev
         rejected=rejected,
         limits=limits,
         left=_left(folder),
+        told=told,
     )
 
 

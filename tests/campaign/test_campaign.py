@@ -109,7 +109,7 @@ def test_spoiled_values_are_such_as_a_node_refuses(kind: str, topic: str, values
 
 
 @given(share=st.floats(0.05, 0.95), seed=st.integers(0, 1000))
-@settings(max_examples=20)
+@settings(max_examples=20, deadline=None)
 def test_the_share_that_suffers_is_the_one_asked_for(share: float, seed: int) -> None:
     faults = [MessageFault("lost", share, 0.0, 1000.0)]
     kept = sum(bool(mistreat(faults, seed, PRESSURE, 0.1 * k, (1.0,))) for k in range(2000))
@@ -182,6 +182,12 @@ def test_every_promise_can_be_broken() -> None:
     for promise, evidence in cases.items():
         assert promise in broken(evidence), promise
         assert len(broken(evidence)) == 1, (promise, broken(evidence))
+
+
+def test_a_tick_that_the_plant_tells_as_missed_is_not_lost() -> None:
+    silent = replace(without(good(), 90), pressure_kpa=changed(good().pressure_kpa, 90, math.nan))
+    assert broken(silent) == ["the bag is complete"]
+    assert broken(replace(silent, told={90})) == []
 
 
 def test_commands_may_be_missing_only_around_the_death_of_who_sends_or_records_them() -> None:
