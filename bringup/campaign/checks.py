@@ -186,8 +186,8 @@ def bag_is_complete(evidence: Evidence) -> Verdict:
     """Every tick is in the bag or told as missed; a killed recorder loses what it had not flushed, and its absence."""
     wanted = evidence.plan.scenario.ticks
     silent = np.flatnonzero(~np.isfinite(evidence.pressure_kpa))
-    missing = np.setdiff1d(silent, np.array(sorted(evidence.told), dtype=np.int64))
-    missing = missing * evidence.plan.scenario.sample_time_s
+    unexplained = np.setdiff1d(silent, np.array(sorted(evidence.told), dtype=np.int64))
+    missing = unexplained * evidence.plan.scenario.sample_time_s
     for fault in evidence.plan.processes:
         if fault.node == RECORDER and fault.kind == "kill":
             start_s, end_s = disturbed(fault, evidence.restarts)
