@@ -10,6 +10,7 @@ import json
 import math
 import os
 import sys
+import threading
 import time
 import traceback
 from collections import Counter
@@ -225,6 +226,7 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         self._setup = Gate(is_open=True)  # events that matter until the loop runs
         self._memory_file = ""
         self._kept_ns = 0
+        self._keeping: threading.Thread | None = None
         self.running = False
         self.is_realtime = False  # whether this node's ticks are the wall clock's
         self.deadline_s = math.inf  # monotonic time at which `on_deadline` is due
@@ -355,10 +357,18 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         """Write `memory` of this tick to the memory file, when it is time to."""
         if not self._memory_file or time_ns - self._kept_ns < MEMORY_PERIOD_S * 1e9:
             return
+        if self._keeping is not None and self._keeping.is_alive():
+            return  # the disk is busy: the next one then
         self._kept_ns = time_ns
+        content = json.dumps({"time_ns": time_ns, **memory()})
+        # A disk may take its time, a tick may not.
+        self._keeping = threading.Thread(target=self._write_memory, args=(content,), daemon=True)
+        self._keeping.start()
+
+    def _write_memory(self, content: str) -> None:
         new = Path(f"{self._memory_file}.new")
         try:
-            new.write_text(json.dumps({"time_ns": time_ns, **memory()}), encoding="utf-8")
+            new.write_text(content, encoding="utf-8")
             new.replace(self._memory_file)
         except OSError as problem:  # a full disk must not end the loop: a successor would just know less
             self.health.last_rejected = f"memory_file: {problem.strerror}"
