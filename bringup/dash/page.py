@@ -33,6 +33,8 @@ from bringup.units import FAULT_UNITS, KPA
 UPDATE_MS = 100
 #: Texts with figures change more slowly than plots, or nobody could read them; s.
 TEXT_PERIOD_S = 0.5
+#: A browser that has drawn nothing for so long, s, gets another update all the same: its answer may be lost.
+ANSWER_S = 1.0
 #: Choices of how much time the plots show, s.
 WINDOWS_S = (60, 120, round(WINDOW_S))
 
@@ -102,6 +104,16 @@ class _Page:
         )
         window.on_change("active", lambda _attr, _old, new: self._show_last(WINDOWS_S[new]))
         self._show_last(WINDOWS_S[1])
+        # The browser answers each update when it has drawn it; without that, one that is slower than the updates, or in
+        # the background, would fall behind more and more, and its clicks with it.
+        self._sent = self._drawn = 0
+        self._sent_s = -math.inf
+        answer = CustomJS(
+            args={"source": self._source, "time": self._time},
+            code="requestAnimationFrame(() => { time.tags = source.tags })",
+        )
+        self._source.js_on_change("tags", answer)
+        self._time.on_change("tags", lambda _attr, _old, new: self._answered(new))
         self._lamps, self._readouts, self._said = (
             Div(name=name, sizing_mode="stretch_width", margin=0, stylesheets=[_TEXT])
             for name in ("lamps", "readouts", "said")
@@ -118,7 +130,13 @@ class _Page:
         ]  # fmt: skip
 
     def update(self) -> None:
-        """Show what is new."""
+        """Show what is new, unless the browser is still busy with what was."""
+        now = time.monotonic()
+        if self._sent - self._drawn > 1 and now - self._sent_s < ANSWER_S:
+            return
+        self._sent += 1
+        self._sent_s = now
+        self._source.tags = [self._sent]
         view = self._link.view()
         generation, count, rows = self._link.rows.since(*self._seen)
         if generation != self._seen[0]:
@@ -132,10 +150,12 @@ class _Page:
             control.show(view)
         _set_text(self._lamps, lamps(view, self._problem()))
         _set_text(self._said, said(view, self._problem()))
-        now = time.monotonic()
         if now - self._texts_s >= TEXT_PERIOD_S:
             self._texts_s = now
             _set_text(self._readouts, readouts(self._link.rows.newest, view))
+
+    def _answered(self, tags: list[Any]) -> None:
+        self._drawn = int(tags[0]) if tags else self._drawn
 
     def _show_last(self, seconds: int) -> None:
         self._time.follow_interval = self._time.default_span = float(seconds)
