@@ -30,6 +30,7 @@ from bringup.dash.rows import TOPIC_NAMES, Rows, threshold_values
 from bringup.errors import BringupError, one_line
 from bringup.recording import StatusRow
 from bringup.ros.cdr import read_diagnostics, stamp_ns, status_row, value_offsets
+from bringup.ros.graph import ACTIVATION_ORDER
 from bringup.ros.inputs import Gate, Subscriptions
 from bringup.ros.messages import message_class
 from bringup.ros.node_shell import PLAIN_QOS
@@ -211,12 +212,14 @@ class Link:
         self._jobs.put(self._change(node, values, done))
 
     def pause(self) -> None:
-        """Stop the plant, which beats time for all."""
-        self._jobs.put(self._transition(Transition.TRANSITION_DEACTIVATE, "paused"))
+        """Stop the plant, which beats time for all, then the others, which would go on without it for a while."""
+        names = [name for name in reversed(ACTIVATION_ORDER) if name != RECORDER and self._is_there(name)]
+        self._jobs.put(self._transition(names, Transition.TRANSITION_DEACTIVATE, "paused"))
 
     def resume(self) -> None:
-        """Let the plant go on."""
-        self._jobs.put(self._transition(Transition.TRANSITION_ACTIVATE, "goes on"))
+        """Let all go on, the plant last."""
+        names = [name for name in ACTIVATION_ORDER if name != RECORDER and self._is_there(name)]
+        self._jobs.put(self._transition(names, Transition.TRANSITION_ACTIVATE, "goes on"))
 
     def start_anew(self, point: str) -> None:
         """Begin again, at rest at `point`, without live faults and changes; takes some seconds, in a thread."""
@@ -274,11 +277,16 @@ class Link:
             self.say(one_line(reply.result.reason), failed=True)
         return bool(reply.result.successful)
 
-    async def _transition(self, transition: int, what: str) -> None:
+    async def _transition(self, names: Iterable[str], transition: int, what: str) -> None:
         request = ChangeState.Request(transition=Transition(id=transition))
-        reply = await self._ask(ChangeState, f"{PLANT}/change_state", request)
-        if reply is not None:
-            self.say(what if reply.success else "the plant refuses", failed=not reply.success)
+        for name in names:
+            reply = await self._ask(ChangeState, f"{name}/change_state", request)
+            if reply is None:
+                return
+            if not reply.success:  # it is there already, or it cannot: its own report tells
+                self.say(f"{name} refuses", failed=True)
+                return
+        self.say(what)
 
     async def _get(self, node: str) -> None:
         names = WATCHED[node]
