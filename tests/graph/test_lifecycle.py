@@ -71,7 +71,7 @@ def test_plant_goes_on_after_a_pause(tmp_path: Path) -> None:
                 operator.change("ac_plant", Transition.TRANSITION_DEACTIVATE)
                 operator.change("ac_plant", Transition.TRANSITION_ACTIVATE)
 
-    run = run_graph(load("nominal", ["duration_s=5"]), tmp_path, mode="realtime", progress=pause)
+    run = run_graph(load("nominal", ["duration_s=5"]), tmp_path, mode="realtime", care=True, progress=pause)
     assert paused
     recording = read_bag(run.bag)
     assert len(recording.time_s) >= 50

@@ -79,7 +79,7 @@ def test_fault_is_started_changed_and_stopped_in_a_running_graph(operator: Opera
             done.append("stopped")
 
     # On the wall clock: there is time to interfere between two ticks, and the loop must not mind.
-    run = run_graph(load("nominal", ["duration_s=6"]), tmp_path, mode="realtime", progress=interfere)
+    run = run_graph(load("nominal", ["duration_s=6"]), tmp_path, mode="realtime", care=True, progress=interfere)
     assert done == ["started", "changed", "stopped"]
     recording = read_bag(run.bag)
     truth = recording.series["fault/compressor_speed:compressor"]
@@ -97,7 +97,7 @@ def test_table_of_topics_shows_the_running_loop(tmp_path: Path) -> None:
         if tick > 0 and not seen:
             seen.update({row["name"]: row for row in topics_once(3.0)})
 
-    run_graph(load("nominal", ["duration_s=8"]), tmp_path, mode="realtime", progress=look)
+    run_graph(load("nominal", ["duration_s=8"]), tmp_path, mode="realtime", care=True, progress=look)
     assert {f"/ac/{topic.name}" for topic in TOPICS} <= set(seen)
     command = seen["/ac/controller/command"]
     assert command["type"] == "sensor_msgs/msg/JointState"
@@ -110,7 +110,7 @@ def test_table_of_topics_shows_the_running_loop(tmp_path: Path) -> None:
 
 @pytest.mark.ros
 def test_realtime_keeps_to_the_wall_clock(tmp_path: Path) -> None:
-    run = run_graph(load("nominal", ["duration_s=3"]), tmp_path, mode="realtime")
+    run = run_graph(load("nominal", ["duration_s=3"]), tmp_path, mode="realtime", care=True)
     assert run.ticks == 30
     assert run.wall_seconds >= 3.0 - 0.1  # never faster than the clock; how much slower is the machine's business
     recording = read_bag(run.bag)

@@ -49,7 +49,7 @@ class Ordeal:
 def ordeal(tmp_path_factory: pytest.TempPathFactory) -> Ordeal:
     """One run in which every node but the plant is killed once."""
     mischief = Mischief([(tick, killing(node)) for tick, node in KILLED.items()])
-    run = run_graph(check(FAULTY), tmp_path_factory.mktemp("ordeal"), mode="realtime", progress=mischief)
+    run = run_graph(check(FAULTY), tmp_path_factory.mktemp("ordeal"), mode="realtime", care=True, progress=mischief)
     return Ordeal(run, read_bag(run.bag), dict(zip(KILLED.values(), mischief.done, strict=True)))
 
 
@@ -142,13 +142,13 @@ def test_node_that_keeps_dying_ends_the_run(tmp_path: Path) -> None:
 
     scenario = load("nominal", ["duration_s=60"])
     with pytest.raises(RunError, match=rf"node compensator died {MOST + 1} times"):
-        run_graph(scenario, tmp_path, mode="realtime", progress=kill_whenever_it_is_there)
+        run_graph(scenario, tmp_path, mode="realtime", care=True, progress=kill_whenever_it_is_there)
     assert not processes_that_mention(str(tmp_path))
     assert len(read_bag(tmp_path).time_s) > 5
 
 
 def test_dead_plant_is_the_end_of_the_run(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="node ac_plant died"):
-        run_graph(load("nominal"), tmp_path, mode="realtime", progress=Mischief([(5, killing(PLANT))]))
+        run_graph(load("nominal"), tmp_path, mode="realtime", care=True, progress=Mischief([(5, killing(PLANT))]))
     assert not processes_that_mention(str(tmp_path))
     assert len(read_bag(tmp_path).time_s) > 5

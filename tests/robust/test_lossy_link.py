@@ -48,7 +48,7 @@ def test_loop_stays_stable_on_a_lossy_link_and_says_what_was_missing(tmp_path: P
     relay = tmp_path / "lossy.py"
     relay.write_text(LOSSY)
     own = own_nodes([f"fault_injector={sys.executable} {relay}"])
-    run = run_graph(check(SCENARIO), tmp_path / "out", mode="realtime", own=own)
+    run = run_graph(check(SCENARIO), tmp_path / "out", mode="realtime", care=True, own=own)
     recording = read_bag(run.bag)
     series = recording.series
     lost = {

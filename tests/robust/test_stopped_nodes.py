@@ -37,7 +37,7 @@ def test_stopped_for_5_s_one_after_the_other_no_node_acts_on_what_is_stale(tmp_p
         (150, lambda: stop_for_a_while(INJECTOR)),
     ]
     mischief = Mischief(plan)
-    run = run_graph(load("nominal", ["duration_s=25"]), tmp_path, mode="realtime", progress=mischief)
+    run = run_graph(load("nominal", ["duration_s=25"]), tmp_path, mode="realtime", care=True, progress=mischief)
     assert len(mischief.done) == len(plan)
     assert run.restarts == ()
     recording = read_bag(run.bag)
