@@ -16,7 +16,7 @@ from bringup.designs import ATTACHMENT, DESIGNED
 from bringup.ros.cdr import stamp_ns
 from bringup.ros.inputs import Arrival, Subscriptions
 from bringup.ros.node_shell import DEADLINE_S, DEPTH, LOOP_QOS, MODE, PLAIN_QOS, NodeShell, Parameter, run_node
-from bringup.topics import CLOCK, DIAGNOSTICS, OCCASIONAL, PLANT, RECORDER, TOPICS
+from bringup.topics import BY_NAME, CLOCK, DIAGNOSTICS, OCCASIONAL, PLANT, RECORDER, TOPICS
 
 #: Far below what the middleware keeps for a slow reader, and below the bag's flush period.
 TAKE_PERIOD_S = 0.02
@@ -52,6 +52,7 @@ class RecorderNode(NodeShell):
         namespace = self.get_namespace().rstrip("/")
         topics = [RecordedTopic(f"{namespace}/{t.name}", t.type, DEPTH, DEADLINE_S) for t in TOPICS]
         self._loop_topics = len(topics)
+        self._last_topic = TOPICS.index(BY_NAME["actuator/command"])  # of a tick: when it is there, all were
         topics += [RecordedTopic(f"{namespace}/{t.name}", t.type, DEPTH) for t in OCCASIONAL]
         topics.append(RecordedTopic("/diagnostics", DIAGNOSTICS, DEPTH))
         self._health_topic = len(topics) - 1
@@ -98,8 +99,8 @@ class RecorderNode(NodeShell):
                 self._last_ns = stamp
             bag.write(number, data, now_ns or stamp, stamp)
         self.health.ticks = bag.counts[0]
-        if self._finished_s is None and not self._lockstep and 0 < self._ticks <= bag.counts[0]:
-            self._finished_s = time.monotonic()  # a plant that has nothing to say on /diagnostics has said enough
+        if self._finished_s is None and not self._lockstep and 0 < self._ticks <= bag.counts[self._last_topic]:
+            self._finished_s = time.monotonic()  # for a plant that has nothing to say on /diagnostics
         return True
 
     def _look_at_health(self, data: bytes) -> None:
