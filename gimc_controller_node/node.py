@@ -44,6 +44,8 @@ PARAMETERS = (
 MEASUREMENT_HOLD_S = 0.5
 #: How long a controller that joins a run waits to be told what the actuators do, s.
 SETPOINT_PATIENCE_S = 1.0
+#: For how many ticks, in s, one that joins takes over anew when the actuators have not heard it.
+DISCOVERY_S = 5.0
 #: Part of the sample time that the controller waits for what is missing: its command has some way to go yet.
 PATIENCE = 0.7
 
@@ -66,6 +68,7 @@ class ControllerNode(NodeShell):
         self._setpoint: np.ndarray | None = None
         self._joins = self.value("run_start_ns") >= 0
         self._waited_s = 0.0
+        self._unheard_s = DISCOVERY_S if self._joins else 0.0
         self.on_tick(
             (
                 "reference/evaporator_pressure",
@@ -110,10 +113,13 @@ class ControllerNode(NodeShell):
 
     def _held(self, time_ns: int, *setpoint: float) -> None:  # noqa: ARG002
         self._setpoint = np.array(setpoint)
+        if self._unheard_s > 0.0:  # the actuators do not get its commands yet: take over anew
+            self._joins = True
 
     def _take_over(self, measured: np.ndarray, reference: np.ndarray) -> bool:
         """Begin from what the actuators do; False while that is not known."""
         self._waited_s += self.sample_time_s
+        self._unheard_s -= self.sample_time_s
         if self._setpoint is not None:
             self._controller.resume(self._setpoint, measured, reference)
         elif self._waited_s < SETPOINT_PATIENCE_S:
