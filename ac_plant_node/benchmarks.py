@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_plant_node import integrator, model
-from ac_plant_node.compiled import jit
+from ac_plant_node.compiled import Array, jit
 from ac_plant_node.equilibrium import operating_point
 from ac_plant_node.parameters import POINTS, load_parameters
 from ac_plant_node.plant import INPUT_HIGH, INPUT_LOW, Plant
-from ac_plant_node.tables import load_tables
+from ac_plant_node.tables import Tables, load_tables
 from bringup.bench.figure import Figure
 
 Say = Callable[[str], None]
@@ -63,7 +63,9 @@ def _best(function: Callable[[], None], rounds: int) -> float:
 
 
 @jit
-def _rhs_loop(s, w, par, tab, guess, z, ds, aux, n, factor):  # type: ignore[no-untyped-def]
+def _rhs_loop(
+    s: Array, w: Array, par: Array, tab: Tables, guess: Array, z: Array, ds: Array, aux: Array, n: int, factor: float
+) -> None:
     for _ in range(n):
         s[1] *= factor
         s[6] *= factor

@@ -5,22 +5,29 @@ compiled into it, so an edit there would go unnoticed. Here the cache folder is 
 takes part: an edit anywhere compiles anew, and a stale function can never run.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numba
+import numpy as np
+from numpy.typing import NDArray
 from platformdirs import user_cache_dir
 
 from ac_plant_node.fingerprint import COMPILED_SOURCES, source_hash
 
+Array = NDArray[np.float64]
+"""What compiled functions work on; each says in its docstring which shape."""
+
 _FOLDER = Path(user_cache_dir("acftc")) / f"compiled-{source_hash(COMPILED_SOURCES)}"
 
 
-def jit(function: Any) -> Any:
+def jit[F: Callable[..., Any]](function: F) -> F:
     """Compile on first call; IEEE division (no Python exceptions), no reordering of floating-point operations."""
     previous = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(_FOLDER)
     try:
-        return numba.njit(function, cache=True, error_model="numpy", fastmath=False)
+        compiled: F = numba.njit(function, cache=True, error_model="numpy", fastmath=False)
+        return compiled
     finally:
         numba.config.CACHE_DIR = previous

@@ -13,9 +13,12 @@ the cubic Hermite interpolant of the last step, which keeps linear invariants to
 where the last one stopped, so the trajectory does not depend on how a duration is cut.
 """
 
-import numpy as np
+from typing import NamedTuple
 
-from ac_plant_node.compiled import jit
+import numpy as np
+from numpy.typing import NDArray
+
+from ac_plant_node.compiled import Array, jit
 from ac_plant_node.model import (
     HEAT_IN,
     N_STATES,
@@ -27,6 +30,7 @@ from ac_plant_node.model import (
     evaporator_zones,
     rhs,
 )
+from ac_plant_node.tables import Tables
 
 DEFAULT_TOLERANCE = 1.0e-5
 """Local error per step allowed, relative to `ERROR_SCALE`."""
@@ -87,7 +91,9 @@ N_MEMORY = 10
 
 
 @jit
-def _rate(y, charge, w, par, tab, guess, z, s, dy, aux):  # type: ignore[no-untyped-def]
+def _rate(
+    y: Array, charge: float, w: Array, par: Array, tab: Tables, guess: Array, z: Array, s: Array, dy: Array, aux: Array
+) -> int:
     """Right-hand side in terms of the integration vector y."""
     for i in range(N_STATES):
         s[i] = y[i]
@@ -98,7 +104,7 @@ def _rate(y, charge, w, par, tab, guess, z, s, dy, aux):  # type: ignore[no-unty
 
 
 @jit
-def _factor(a, pivots):  # type: ignore[no-untyped-def]
+def _factor(a: Array, pivots: NDArray[np.int64]) -> bool:
     """LU factors of `a` in place, rows exchanged; False when singular."""
     n = a.shape[0]
     for k in range(n):
@@ -123,7 +129,7 @@ def _factor(a, pivots):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _substitute(a, pivots, b):  # type: ignore[no-untyped-def]
+def _substitute(a: Array, pivots: NDArray[np.int64], b: Array) -> None:
     n = a.shape[0]
     for k in range(n):
         p = pivots[k]
@@ -140,7 +146,21 @@ def _substitute(a, pivots, b):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _jacobian(y0, f0, jac, dy, trial, s, charge, w, par, tab, guess, z, aux):  # type: ignore[no-untyped-def]
+def _jacobian(
+    y0: Array,
+    f0: Array,
+    jac: Array,
+    dy: Array,
+    trial: Array,
+    s: Array,
+    charge: float,
+    w: Array,
+    par: Array,
+    tab: Tables,
+    guess: Array,
+    z: Array,
+    aux: Array,
+) -> None:
     """Jacobian of the rates at y0 by forward differences, backward where forward leads out of the tables.
 
     Only what depends on a component is evaluated again: wall temperatures (3, 4, 9, 10, 11) move neither pressures nor
@@ -189,7 +209,26 @@ def _jacobian(y0, f0, jac, dy, trial, s, charge, w, par, tab, guess, z, aux):  #
 
 
 @jit
-def _advance_once(y0, y1, f0, f1, jac, lu, u, trial, s, pivots, memory, charge, w, par, tab, guess, z, aux):  # type: ignore[no-untyped-def]
+def _advance_once(
+    y0: Array,
+    y1: Array,
+    f0: Array,
+    f1: Array,
+    jac: Array,
+    lu: Array,
+    u: Array,
+    trial: Array,
+    s: Array,
+    pivots: NDArray[np.int64],
+    memory: Array,
+    charge: float,
+    w: Array,
+    par: Array,
+    tab: Tables,
+    guess: Array,
+    z: Array,
+    aux: Array,
+) -> int:
     """One accepted step from y0 (rate f0 known) to y1 (rate f1); sizes in `memory`. 0, or 1 when none worked."""
     n = N_STATES
     if memory[AGE] >= MAX_AGE:
@@ -271,7 +310,28 @@ def _advance_once(y0, y1, f0, f1, jac, lu, u, trial, s, pivots, memory, charge, 
 
 
 @jit
-def run(y, y0, y1, f0, f1, jac, lu, u, trial, s, pivots, memory, charge, w, par, tab, guess, z, aux, until):  # type: ignore[no-untyped-def]
+def run(
+    y: Array,
+    y0: Array,
+    y1: Array,
+    f0: Array,
+    f1: Array,
+    jac: Array,
+    lu: Array,
+    u: Array,
+    trial: Array,
+    s: Array,
+    pivots: NDArray[np.int64],
+    memory: Array,
+    charge: float,
+    w: Array,
+    par: Array,
+    tab: Tables,
+    guess: Array,
+    z: Array,
+    aux: Array,
+    until: float,
+) -> int:
     """Bring `y` to `until` seconds after the last change of inputs; results at that time in `y` and `aux`.
 
     Returns 0, or 1 when the state cannot be continued inside the property tables.
@@ -312,16 +372,31 @@ def run(y, y0, y1, f0, f1, jac, lu, u, trial, s, pivots, memory, charge, w, par,
     return status
 
 
-def new_work(tolerance: float = DEFAULT_TOLERANCE) -> tuple[np.ndarray, ...]:
-    """Arrays y0, y1, f0, f1, jac, lu, u, trial, s, pivots, memory of `run`."""
+class Work(NamedTuple):
+    """The arrays of one integration, as `run` takes them: last step's ends and rates there, work space, memory."""
+
+    y0: Array
+    y1: Array
+    f0: Array
+    f1: Array
+    jac: Array
+    lu: Array
+    u: Array
+    trial: Array
+    s: Array
+    pivots: NDArray[np.int64]
+    memory: Array
+
+
+def new_work(tolerance: float = DEFAULT_TOLERANCE) -> Work:
+    """Arrays for an integration that starts."""
     n = N_STATES
-    vectors = [np.zeros(n) for _ in range(4)]
     memory = np.zeros(N_MEMORY)
     memory[H_NEXT] = 0.02
     memory[FRESH] = 1.0
     memory[TOLERANCE] = tolerance
     memory[AGE] = MAX_AGE
-    return (
-        *vectors, np.zeros((n, n)), np.zeros((n, n)), np.zeros((4, n)), np.zeros(n), np.zeros(n),
-        np.zeros(n, dtype=np.int64), memory,
+    return Work(
+        np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((n, n)), np.zeros((n, n)), np.zeros((4, n)),
+        np.zeros(n), np.zeros(n), np.zeros(n, dtype=np.int64), memory,
     )  # fmt: skip

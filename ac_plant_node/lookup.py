@@ -8,7 +8,8 @@ reports a pressure that *stays* outside.
 import math
 from typing import NamedTuple
 
-from ac_plant_node.compiled import jit
+from ac_plant_node.compiled import Array, jit
+from ac_plant_node.tables import Tables
 
 
 class Saturation(NamedTuple):
@@ -32,7 +33,7 @@ class Saturation(NamedTuple):
 
 
 @jit
-def saturation(tab, p):  # type: ignore[no-untyped-def]
+def saturation(tab: Tables, p: float) -> Saturation:
     """Saturation line at pressure `p`, as `Saturation`."""
     sat = tab.sat
     lnp = math.log(p)
@@ -59,7 +60,7 @@ def saturation(tab, p):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _bicubic(c, t, u):  # type: ignore[no-untyped-def]
+def _bicubic(c: Array, t: float, u: float) -> tuple[float, float, float]:
     """Value and the two slopes of one patch at cell coordinates t, u."""
     a0 = c[0] + u * (c[1] + u * (c[2] + u * c[3]))
     a1 = c[4] + u * (c[5] + u * (c[6] + u * c[7]))
@@ -76,7 +77,7 @@ def _bicubic(c, t, u):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _patch_value(table, q, x, y):  # type: ignore[no-untyped-def]
+def _patch_value(table: Array, q: int, x: float, y: Array) -> tuple[float, float, float]:
     """Value and slopes in cell units; past the last row or column of cells the surface goes on as its tangent."""
     nx, ny = table.shape[0], table.shape[1]
     i = min(max(int(x), 0), nx - 1)
@@ -89,7 +90,7 @@ def _patch_value(table, q, x, y):  # type: ignore[no-untyped-def]
 
 
 @jit
-def vapour(tab, p, lnp, h, h_g, h_g_p):  # type: ignore[no-untyped-def]
+def vapour(tab: Tables, p: float, lnp: float, h: float, h_g: float, h_g_p: float) -> tuple[float, float, float, float]:
     """Superheated vapour at (p, h): rho, d(rho)/dp at h, d(rho)/dh at p, T."""
     x = (lnp - tab.grid[0]) * tab.grid[2]
     y = (h - h_g) * tab.grid[3]
@@ -102,7 +103,7 @@ def vapour(tab, p, lnp, h, h_g, h_g_p):  # type: ignore[no-untyped-def]
 
 
 @jit
-def vapour_entropy(tab, p, lnp, h, h_g, h_g_p):  # type: ignore[no-untyped-def]
+def vapour_entropy(tab: Tables, p: float, lnp: float, h: float, h_g: float, h_g_p: float) -> tuple[float, float, float]:
     """Superheated vapour at (p, h): s, ds/dp at h, ds/dh at p."""
     s, s_x, s_y = _patch_value(tab.vapour, 2, (lnp - tab.grid[0]) * tab.grid[2], (h - h_g) * tab.grid[3])
     s_h = s_y * tab.grid[3]
@@ -110,7 +111,9 @@ def vapour_entropy(tab, p, lnp, h, h_g, h_g_p):  # type: ignore[no-untyped-def]
 
 
 @jit
-def isentrope(tab, p, lnp, s, h_g, h_g_p, s_g, s_g_p, t_sat):  # type: ignore[no-untyped-def]
+def isentrope(
+    tab: Tables, p: float, lnp: float, s: float, h_g: float, h_g_p: float, s_g: float, s_g_p: float, t_sat: float
+) -> tuple[float, float, float]:
     """Enthalpy at (p, s): h, dh/dp at s, dh/ds at p; below saturated vapour along the two-phase isobar dh = T ds."""
     if s < s_g:
         return h_g + t_sat * (s - s_g), h_g_p - t_sat * s_g_p, t_sat
@@ -120,7 +123,7 @@ def isentrope(tab, p, lnp, s, h_g, h_g_p, s_g, s_g_p, t_sat):  # type: ignore[no
 
 
 @jit
-def liquid(tab, p, lnp, h, h_f, h_f_p):  # type: ignore[no-untyped-def]
+def liquid(tab: Tables, p: float, lnp: float, h: float, h_f: float, h_f_p: float) -> tuple[float, float, float, float]:
     """Subcooled liquid at (p, h): rho, d(rho)/dp at h, d(rho)/dh at p, T."""
     span = h_f - tab.grid[6]
     y = (h_f - h) / span

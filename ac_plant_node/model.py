@@ -37,10 +37,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ac_plant_node.compiled import jit
-from ac_plant_node.lookup import liquid, vapour, vapour_entropy
+from ac_plant_node.compiled import Array, jit
+from ac_plant_node.lookup import Saturation, liquid, vapour, vapour_entropy
 from ac_plant_node.parameters import INDEX
-from ac_plant_node.zones import condenser_at, evaporator_at, mean_void, solve_condenser, solve_evaporator
+from ac_plant_node.tables import Tables
+from ac_plant_node.zones import (
+    Condenser,
+    Evaporator,
+    condenser_at,
+    evaporator_at,
+    mean_void,
+    solve_condenser,
+    solve_evaporator,
+)
 
 N_STATES = 12
 STATE_NAMES = (
@@ -98,22 +107,23 @@ _PI2 = 2.0 * math.pi
 
 
 @jit
-def _smooth_root(dp):  # type: ignore[no-untyped-def]
+def _smooth_root(dp: float) -> float:
     """``sqrt(dp)`` for positive `dp`, linear near zero, zero below."""
     if dp <= 0.0:
         return 0.0
-    return dp / (dp * dp + _DP_SMOOTH_PA * _DP_SMOOTH_PA) ** 0.25
+    root: float = dp / (dp * dp + _DP_SMOOTH_PA * _DP_SMOOTH_PA) ** 0.25
+    return root
 
 
 @jit
-def _ramp(x):  # type: ignore[no-untyped-def]
+def _ramp(x: float) -> float:
     """Smooth step from 0 at 0 to 1 at 1."""
     x = min(max(x, 0.0), 1.0)
     return x * x * (3.0 - 2.0 * x)
 
 
 @jit
-def _upwind(rate, shorter):  # type: ignore[no-untyped-def]
+def _upwind(rate: float, shorter: float) -> float:
     """Share of the far side's wall temperature that a zone boundary moving outwards at `rate` (1/s) picks up.
 
     `shorter` is the length of the shorter of the two zones: before one vanishes, the upwinding turns sharp.
@@ -123,7 +133,7 @@ def _upwind(rate, shorter):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _solve(a, n):  # type: ignore[no-untyped-def]
+def _solve(a: Array, n: int) -> None:
     """Solve the n x n system in the n x (n+1) array `a` in place (Gauss, partial pivoting); result in column n."""
     for k in range(n):
         pivot = k
@@ -147,16 +157,16 @@ def _solve(a, n):  # type: ignore[no-untyped-def]
 
 
 @jit
-def eta_volumetric(par, ratio, speed_krpm):  # type: ignore[no-untyped-def]
+def eta_volumetric(par: Array, ratio: float, speed_krpm: float) -> float:
     """Volumetric efficiency map ``a + b (PR - 4) + c (1 - 1000 rpm / N)``, kept between 0 and 1."""
-    eta = par[_EV0] + par[_EV1] * (ratio - 4.0) + par[_EV2] * (1.0 - 1.0 / max(speed_krpm, _SPEED_FLOOR))
+    eta: float = par[_EV0] + par[_EV1] * (ratio - 4.0) + par[_EV2] * (1.0 - 1.0 / max(speed_krpm, _SPEED_FLOOR))
     return min(max(eta, 0.0), 1.0)
 
 
 @jit
-def valve_area(par, opening):  # type: ignore[no-untyped-def]
+def valve_area(par: Array, opening: float) -> float:
     """Flow area over opening (0..1): a quadratic through the calibrated points, closing linearly below 10 %."""
-    area = par[_AV0] + opening * (par[_AV1] + opening * par[_AV2])
+    area: float = par[_AV0] + opening * (par[_AV1] + opening * par[_AV2])
     return max(area, 0.0) * min(opening * 10.0, 1.0)
 
 
@@ -209,7 +219,7 @@ class Heat(NamedTuple):
 
 
 @jit
-def _suction(ev, h_1, tab):  # type: ignore[no-untyped-def]
+def _suction(ev: Evaporator, h_1: float, tab: Tables) -> Suction:
     """State at the compressor's inlet, superheated or wet."""
     sat = ev.sat
     if h_1 >= sat.h_g:
@@ -223,7 +233,7 @@ def _suction(ev, h_1, tab):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _flows(ev, co, suction, h_3, w, par, tab):  # type: ignore[no-untyped-def]
+def _flows(ev: Evaporator, co: Condenser, suction: Suction, h_3: float, w: Array, par: Array, tab: Tables) -> Flows:
     """Compressor and valve: eta_v V_d (N/60) rho_1 and C_d A sqrt(2 rho_3 dp), with their limits."""
     p_high = tab.grid[8]
     eta_v = eta_volumetric(par, co.p / ev.p, w[0] * (0.06 / _PI2))
@@ -247,7 +257,7 @@ def _flows(ev, co, suction, h_3, w, par, tab):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _heat(ev, co, zeta_c3, superheat, s, w, par):  # type: ignore[no-untyped-def]
+def _heat(ev: Evaporator, co: Condenser, zeta_c3: float, superheat: float, s: Array, w: Array, par: Array) -> Heat:
     """Heat between air, walls and refrigerant; the air meets every zone side by side."""
     zeta_e2 = 1.0 - ev.zeta
     tw_e1, tw_e2 = s[3] + zeta_e2 * s[4], s[3] - ev.zeta * s[4]
@@ -278,7 +288,7 @@ def _heat(ev, co, zeta_c3, superheat, s, w, par):  # type: ignore[no-untyped-def
 
 
 @jit
-def _outlet_targets(ev, co):  # type: ignore[no-untyped-def]
+def _outlet_targets(ev: Evaporator, co: Condenser) -> tuple[float, float]:
     """Enthalpies that the outlets tend to while the single-phase zone before them is absent."""
     target_e, target_c = ev.h_2, co.h_rest
     if ev.regime == 1:
@@ -295,7 +305,19 @@ def _outlet_targets(ev, co):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _evaporator_rows(z, ev, flow, heat, h_e2, rho_rate, e_rate, target, own, inward, volume):  # type: ignore[no-untyped-def]
+def _evaporator_rows(
+    z: Array,
+    ev: Evaporator,
+    flow: Flows,
+    heat: Heat,
+    h_e2: float,
+    rho_rate: float,
+    e_rate: float,
+    target: float,
+    own: float,
+    inward: bool,
+    volume: float,
+) -> None:
     """Rows 0 (mass), 1 (energy), 2 (superheated zone) of the descriptor system."""
     if ev.regime != 0:
         z[0, 0] = ev.slope
@@ -329,7 +351,22 @@ def _evaporator_rows(z, ev, flow, heat, h_e2, rho_rate, e_rate, target, own, inw
 
 
 @jit
-def _condenser_rows(z, co, flow, heat, zeta_3, h_c3, c_pe, c_h2, rho_rate, e_rate, target, own, inward, volume):  # type: ignore[no-untyped-def]
+def _condenser_rows(
+    z: Array,
+    co: Condenser,
+    flow: Flows,
+    heat: Heat,
+    zeta_3: float,
+    h_c3: float,
+    c_pe: float,
+    c_h2: float,
+    rho_rate: float,
+    e_rate: float,
+    target: float,
+    own: float,
+    inward: bool,
+    volume: float,
+) -> None:
     """Rows 3 (mass), 4 (energy), 6 (subcooled zone); `c_pe`, `c_h2` are slopes of h_2 in p_e and h_e2."""
     sat, zeta_1, zeta_2 = co.sat, co.zeta_1, co.zeta_2
     if co.regime != 0:
@@ -369,7 +406,17 @@ def _condenser_rows(z, co, flow, heat, zeta_3, h_c3, c_pe, c_h2, rho_rate, e_rat
 
 
 @jit
-def _first_zone_row(z, co, flow, heat, c_pe, c_h2, limited, bound, volume):  # type: ignore[no-untyped-def]
+def _first_zone_row(
+    z: Array,
+    co: Condenser,
+    flow: Flows,
+    heat: Heat,
+    c_pe: float,
+    c_h2: float,
+    limited: bool,
+    bound: float,
+    volume: float,
+) -> None:
     """Row 5: the condenser's superheated zone, which gives the rate of zeta_c1."""
     if co.regime == 2:
         z[5, 4] = 1.0
@@ -387,7 +434,20 @@ def _first_zone_row(z, co, flow, heat, c_pe, c_h2, limited, bound, volume):  # t
 
 
 @jit
-def _descriptor(z, ev, co, suction, flow, heat, zeta_c3, own_e, own_c, rates, s, par):  # type: ignore[no-untyped-def]
+def _descriptor(
+    z: Array,
+    ev: Evaporator,
+    co: Condenser,
+    suction: Suction,
+    flow: Flows,
+    heat: Heat,
+    zeta_c3: float,
+    own_e: float,
+    own_c: float,
+    rates: tuple[float, float, float, float],
+    s: Array,
+    par: Array,
+) -> None:
     """Solve the descriptor system for the rates of [p_e, zeta_e1, h_e2, p_c, zeta_c1, zeta_c2, h_c3] (column 7 of z).
 
     Rows 2, 5, 6 (no mass, no energy in them) take what crosses a zone boundary from upwind, and keep the first zone of
@@ -426,7 +486,18 @@ def _descriptor(z, ev, co, suction, flow, heat, zeta_c3, own_e, own_c, rates, s,
 
 
 @jit
-def _wall_rates(z, ev, co, heat, zeta_c3, own_e, own_c, s, par, ds):  # type: ignore[no-untyped-def]
+def _wall_rates(
+    z: Array,
+    ev: Evaporator,
+    co: Condenser,
+    heat: Heat,
+    zeta_c3: float,
+    own_e: float,
+    own_c: float,
+    s: Array,
+    par: Array,
+    ds: Array,
+) -> None:
     """Rates of the mean wall temperatures (energy) and of the differences between zones (moving boundaries)."""
     dzeta_e, dzeta_1, dzeta_3 = z[1, 7], z[4, 7], -z[4, 7] - z[5, 7]
     zeta_e2, d_e, d_1, d_3 = 1.0 - ev.zeta, s[4], s[10], s[11]
@@ -451,7 +522,7 @@ def _wall_rates(z, ev, co, heat, zeta_c3, own_e, own_c, s, par, ds):  # type: ig
 
 
 @jit
-def _inventory(ev, co, zeta_c3, par):  # type: ignore[no-untyped-def]
+def _inventory(ev: Evaporator, co: Condenser, zeta_c3: float, par: Array) -> tuple[float, float]:
     """Refrigerant mass and internal energy summed over the zones: density by density, not from the state's M and U.
 
     The two agree as far as the pressures have been solved, so this checks them.
@@ -475,14 +546,24 @@ def _inventory(ev, co, zeta_c3, par):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _saturated(sat, void):  # type: ignore[no-untyped-def]
+def _saturated(sat: Saturation, void: float) -> tuple[float, float]:
     """Density and volumetric enthalpy of saturated liquid and vapour at a void fraction."""
     rho = sat.rho_f + void * (sat.rho_g - sat.rho_f)
     return rho, sat.rho_f * sat.h_f + void * (sat.rho_g * sat.h_g - sat.rho_f * sat.h_f)
 
 
 @jit
-def _write_results(aux, ev, co, suction, flow, heat, zeta_c3, s, par):  # type: ignore[no-untyped-def]
+def _write_results(
+    aux: Array,
+    ev: Evaporator,
+    co: Condenser,
+    suction: Suction,
+    flow: Flows,
+    heat: Heat,
+    zeta_c3: float,
+    s: Array,
+    par: Array,
+) -> None:
     """What others read: the public state x, flows, and what the zones hold."""
     aux[0], aux[1], aux[2], aux[3], aux[4] = ev.zeta, ev.p, s[2], heat.tw_e1, heat.tw_e2
     aux[5], aux[6], aux[7], aux[8] = co.zeta_1, co.zeta_2, co.p, s[8]
@@ -498,7 +579,7 @@ def _write_results(aux, ev, co, suction, flow, heat, zeta_c3, s, par):  # type: 
 
 
 @jit
-def rhs(s, w, par, tab, guess, z, ds, aux):  # type: ignore[no-untyped-def]
+def rhs(s: Array, w: Array, par: Array, tab: Tables, guess: Array, z: Array, ds: Array, aux: Array) -> int:
     """Time derivative of the integration state.
 
     Parameters
@@ -533,21 +614,32 @@ def rhs(s, w, par, tab, guess, z, ds, aux):  # type: ignore[no-untyped-def]
 
 
 @jit
-def evaporator_zones(s, par, tab, start):  # type: ignore[no-untyped-def]
+def evaporator_zones(s: Array, par: Array, tab: Tables, start: float) -> tuple[Evaporator, Suction, int]:
     """Zones of the evaporator, what the compressor draws, 0 or 1 as `solve_evaporator`: of s[0, 1, 2, 8]."""
     ev, failed = solve_evaporator(start, s[0] / par[_VE], s[1] / par[_VE], s[2], s[8], tab)
     return ev, _suction(ev, s[2], tab), failed
 
 
 @jit
-def condenser_zones(s, suction, par, tab, start):  # type: ignore[no-untyped-def]
+def condenser_zones(s: Array, suction: Suction, par: Array, tab: Tables, start: float) -> tuple[Condenser, int]:
     """Zones of the condenser, 0 or 1 as `solve_condenser`: of s[2, 5, 6, 7, 8] and `suction`."""
     zeta_1 = min(max(s[7], 0.0), 0.98)
     return solve_condenser(start, s[5] / par[_VC], s[6] / par[_VC], zeta_1, s[8], suction.s, s[2], par[_ETAS], tab)
 
 
 @jit
-def balances(s, w, par, tab, ev, suction, co, z, ds, aux):  # type: ignore[no-untyped-def]
+def balances(
+    s: Array,
+    w: Array,
+    par: Array,
+    tab: Tables,
+    ev: Evaporator,
+    suction: Suction,
+    co: Condenser,
+    z: Array,
+    ds: Array,
+    aux: Array,
+) -> None:
     """Rates and auxiliary results of `rhs`, given the zones of `s`."""
     zeta_c3 = 1.0 - co.zeta_1 - co.zeta_2 if co.regime == 0 else 0.0
     flow = _flows(ev, co, suction, s[8], w, par, tab)
@@ -565,7 +657,7 @@ def balances(s, w, par, tab, ev, suction, co, z, ds, aux):  # type: ignore[no-un
 
 
 @jit
-def conserved(x, par, tab, s):  # type: ignore[no-untyped-def]
+def conserved(x: Array, par: Array, tab: Tables, s: Array) -> None:
     """Integration state `s` of a public state `x` with all five zones present (lengths between 0 and 1)."""
     # A density beyond any zone's leaves the zones' own properties as they are.
     ev = evaporator_at(x[1], 1.0e9, 0.0, x[2], x[8], tab)

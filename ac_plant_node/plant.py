@@ -70,7 +70,7 @@ class Plant:
         self._held: list[float] = self._w.tolist()
         self._guess, self._z, _, self._aux = model.new_workspace()
         self._work = integrator.new_work(tolerance)
-        self._memory = self._work[-1]
+        self._memory = self._work.memory
         self._clock_ns = 0
         self._out = np.zeros(4)
         self._run()
@@ -92,8 +92,8 @@ class Plant:
         other = copy(self)
         for name in ("_y", "_w", "_guess", "_z", "_aux", "_out"):
             setattr(other, name, getattr(self, name).copy())
-        other._work = tuple(array.copy() for array in self._work)
-        other._memory = other._work[-1]
+        other._work = integrator.Work._make(array.copy() for array in self._work)
+        other._memory = other._work.memory
         return other
 
     def step(self, inputs: NDArray[np.float64], duration_s: float) -> NDArray[np.float64]:

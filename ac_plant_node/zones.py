@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from ac_plant_node.compiled import jit
 from ac_plant_node.lookup import Saturation, isentrope, liquid, saturation, vapour
+from ac_plant_node.tables import Tables
 
 _X_INLET_MAX = 0.95  # the mean void fraction is taken from at most this inlet quality
 _PRESSURE_TOLERANCE = 1.0e-13  # relative step below which Newton's method has arrived
@@ -96,7 +97,7 @@ class Condenser(NamedTuple):
 
 
 @jit
-def mean_void(slip, x1):  # type: ignore[no-untyped-def]
+def mean_void(slip: float, x1: float) -> tuple[float, float, float]:
     """Mean of Zivi's void fraction between qualities `x1` and 1, with d/d(slip) and d/d(x1).
 
     ``gamma(x) = x / (x + (1 - x) S)``, ``S = (rho_g/rho_f)^(2/3)``; quality linear along the zone (uniform heat flux).
@@ -111,7 +112,9 @@ def mean_void(slip, x1):  # type: ignore[no-untyped-def]
 
 
 @jit
-def mixture(rbar, ra, rb, ha, hb, ra_p, rb_p, ha_p, hb_p):  # type: ignore[no-untyped-def]
+def mixture(
+    rbar: float, ra: float, rb: float, ha: float, hb: float, ra_p: float, rb_p: float, ha_p: float, hb_p: float
+) -> tuple[float, float, float, float]:
     """Fill a volume with two materials of densities ra, rb and volumetric enthalpies ha, hb at mean density `rbar`.
 
     Returns the share of the first, the volumetric enthalpy, its slope in p at fixed `rbar`, its slope in `rbar`.
@@ -124,7 +127,7 @@ def mixture(rbar, ra, rb, ha, hb, ra_p, rb_p, ha_p, hb_p):  # type: ignore[no-un
 
 
 @jit
-def two_phase(sat, x_in, x_in_p):  # type: ignore[no-untyped-def]
+def two_phase(sat: Saturation, x_in: float, x_in_p: float) -> tuple[float, float, float, float, float, float]:
     """Two-phase zone from quality `x_in` to 1: density, volumetric enthalpy, their slopes in p, void and its slope."""
     slip = (sat.rho_g / sat.rho_f) ** (2.0 / 3.0)
     slip_p = slip * (2.0 / 3.0) * (sat.rho_g_p / sat.rho_g - sat.rho_f_p / sat.rho_f)
@@ -141,7 +144,7 @@ def two_phase(sat, x_in, x_in_p):  # type: ignore[no-untyped-def]
 
 
 @jit
-def saturated_mixture(sat, rho):  # type: ignore[no-untyped-def]
+def saturated_mixture(sat: Saturation, rho: float) -> tuple[float, float, float, float]:
     """A body of saturated liquid and vapour of density `rho`: void fraction, and `mixture`'s other three results."""
     share, e, e_p, slope = mixture(
         rho, sat.rho_g, sat.rho_f, sat.rho_g * sat.h_g, sat.rho_f * sat.h_f, sat.rho_g_p, sat.rho_f_p,
@@ -151,7 +154,9 @@ def saturated_mixture(sat, rho):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _vapour_body(sat, p, rho, e, tab):  # type: ignore[no-untyped-def]
+def _vapour_body(
+    sat: Saturation, p: float, rho: float, e: float, tab: Tables
+) -> tuple[float, float, float, float, float, float, float, float]:
     """Vapour throughout, at mean density `rho` and internal energy `e` per volume: residual, slopes, h, rho(p, h), T.
 
     Below saturated vapour the table ends; its edge keeps the residual's sign right.
@@ -164,7 +169,7 @@ def _vapour_body(sat, p, rho, e, tab):  # type: ignore[no-untyped-def]
 
 
 @jit
-def evaporator_at(p, rho, e, h_e2, h_4, tab):  # type: ignore[no-untyped-def]
+def evaporator_at(p: float, rho: float, e: float, h_e2: float, h_4: float, tab: Tables) -> Evaporator:
     """Zones of the evaporator at a trial pressure; `rho`, `e` are mass and internal energy over volume."""
     sat = saturation(tab, p)
     h_fg = sat.h_g - sat.h_f
@@ -200,7 +205,9 @@ def evaporator_at(p, rho, e, h_e2, h_4, tab):  # type: ignore[no-untyped-def]
 
 
 @jit
-def condenser_at(p, rho, e, zeta_1, h_c3, s_1, h_1in, eta_s, tab):  # type: ignore[no-untyped-def]
+def condenser_at(
+    p: float, rho: float, e: float, zeta_1: float, h_c3: float, s_1: float, h_1in: float, eta_s: float, tab: Tables
+) -> Condenser:
     """Zones of the condenser at a trial pressure.
 
     The first zone has the given length and the mean enthalpy ``(h_2 + h_g)/2`` of the discharge gas, which has been
@@ -251,7 +258,7 @@ def condenser_at(p, rho, e, zeta_1, h_c3, s_1, h_1in, eta_s, tab):  # type: igno
 
 
 @jit
-def next_pressure(p, residual, slope, low, high):  # type: ignore[no-untyped-def]
+def next_pressure(p: float, residual: float, slope: float, low: float, high: float) -> float:
     """Newton's next pressure, or the middle of the bracket when the step leaves it."""
     trial = p - residual / slope if slope > 0.0 else -1.0
     if low < trial < high:
@@ -260,7 +267,9 @@ def next_pressure(p, residual, slope, low, high):  # type: ignore[no-untyped-def
 
 
 @jit
-def solve_evaporator(start, rho, e, h_e2, h_4, tab):  # type: ignore[no-untyped-def]
+def solve_evaporator(
+    start: float, rho: float, e: float, h_e2: float, h_4: float, tab: Tables
+) -> tuple[Evaporator, int]:
     """The evaporator at the pressure that fits its mass and energy; 0, or 1 when none inside the tables does."""
     p_low, p_high = tab.grid[7], tab.grid[8]
     low, high = p_low, p_high
@@ -279,7 +288,9 @@ def solve_evaporator(start, rho, e, h_e2, h_4, tab):  # type: ignore[no-untyped-
 
 
 @jit
-def solve_condenser(start, rho, e, zeta_1, h_c3, s_1, h_1in, eta_s, tab):  # type: ignore[no-untyped-def]
+def solve_condenser(
+    start: float, rho: float, e: float, zeta_1: float, h_c3: float, s_1: float, h_1in: float, eta_s: float, tab: Tables
+) -> tuple[Condenser, int]:
     """The condenser at the pressure that fits its mass and energy, as `solve_evaporator`."""
     p_low, p_high = tab.grid[7], tab.grid[8]
     low, high = p_low, p_high
