@@ -6,16 +6,17 @@ import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from importlib import resources
-from importlib.resources.abc import Traversable
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
 
 from ac_plant_node.tables import REFRIGERANTS
+from bringup.errors import shortened
+from bringup.yaml_file import parsed, text_of
 
 NAMES = (
     "charge_kg",
@@ -60,32 +61,6 @@ PLANT_VARIABLE = "ACFTC_PLANT"
 """Environment variable that names the parameter file of a plant of your own (``acftc --plant FILE`` sets it)."""
 
 
-@dataclass(frozen=True)
-class TableRow:
-    """One operating point as it was measured: air inlet, inputs, and the rest they lead to.
-
-    The air flow is the nominal one of the parameters where `air_mass_flow_kg_s` is None.
-    """
-
-    name: str
-    air_inlet_temperature_c: float
-    compressor_speed_rpm: float
-    valve_opening_percent: float
-    evaporator_pressure_kpa: float
-    superheat_k: float = 20.0
-    air_mass_flow_kg_s: float | None = None
-
-
-TABLE_I = (
-    TableRow("low", 25.0, 450.0, 25.0, 302.2),
-    TableRow("med", 30.0, 1000.0, 40.0, 251.2),
-    TableRow("high", 40.0, 2500.0, 55.0, 204.6),
-)
-"""The paper's three operating points."""
-
-POINTS = tuple(row.name for row in TABLE_I)
-"""Names of the operating points that the loop knows."""
-
 POINT_RANGES = {
     "air_inlet_temperature_c": (10.0, 50.0),
     "compressor_speed_rpm": (100.0, 6000.0),
@@ -95,6 +70,48 @@ POINT_RANGES = {
     "air_mass_flow_kg_s": (0.02, 0.3),
 }
 """What a row of a table of operating points holds beside its name, and the range of each."""
+
+
+def _word(name: str) -> str:
+    if not name.isidentifier() or len(name) > 40:
+        raise ValueError(f"must be a word of letters, digits and _, not {shortened(name)!r}")
+    return name
+
+
+def _point(key: str) -> Any:
+    """Schema of one entry of an operating point."""
+    low, high = POINT_RANGES[key]
+    return Field(ge=low, le=high, strict=True)
+
+
+@dataclass(frozen=True)
+class TableRow:
+    """One operating point as it was measured: air inlet, inputs, and the rest they lead to.
+
+    The air flow is the nominal one of the parameters where `air_mass_flow_kg_s` is None.
+    """
+
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
+    name: Annotated[str, AfterValidator(_word)]
+    air_inlet_temperature_c: Annotated[float, _point("air_inlet_temperature_c")]
+    compressor_speed_rpm: Annotated[float, _point("compressor_speed_rpm")]
+    valve_opening_percent: Annotated[float, _point("valve_opening_percent")]
+    evaporator_pressure_kpa: Annotated[float, _point("evaporator_pressure_kpa")]
+    superheat_k: Annotated[float, _point("superheat_k")]
+    air_mass_flow_kg_s: Annotated[float, _point("air_mass_flow_kg_s")] | None = None
+
+
+TABLE_I = (
+    TableRow("low", 25.0, 450.0, 25.0, 302.2, 20.0),
+    TableRow("med", 30.0, 1000.0, 40.0, 251.2, 20.0),
+    TableRow("high", 40.0, 2500.0, 55.0, 204.6, 20.0),
+)
+"""The paper's three operating points."""
+
+POINTS = tuple(row.name for row in TABLE_I)
+"""Names of the operating points that the loop knows."""
+
 LARGEST_TABLE = 100
 """Most rows of such a table."""
 
@@ -156,24 +173,11 @@ def load_parameters(path: str | Path | None = None) -> Parameters:
         One line: the entry that is unknown, not a number or outside its range.
     """
     own = path if path is not None else os.environ.get(PLANT_VARIABLE) or None
-    shipped = _read_mapping("parameters.yaml", resources.files("ac_plant_node").joinpath("parameters.yaml"))
     source = str(own) if own is not None else "parameters.yaml"
-    data = shipped if own is None else _read_mapping(source, Path(own))
-    unknown = [key for key in data if key not in NAMES and key not in ("refrigerant", "points")]
-    if unknown:
-        raise ValueError(f"{source}: unknown parameter {str(unknown[0])[:60]!r}{_nearest(str(unknown[0]), NAMES)}")
-    refrigerant = data.get("refrigerant", shipped["refrigerant"])
-    if refrigerant not in REFRIGERANTS:
-        raise ValueError(f"{source}: refrigerant {str(refrigerant)[:60]!r}, allowed are {', '.join(REFRIGERANTS)}")
-    array = np.array([_value(source, name, data.get(name, shipped[name]), shipped[name]) for name in NAMES])
+    file = _validated(source, {} if own is None else _read_mapping(Path(own)), _plant_schema())
+    array = np.array([getattr(file, name) for name in NAMES])
     array.setflags(write=False)
-    points: tuple[TableRow, ...] = TABLE_I
-    if "points" in data:
-        points = _rows(source, data["points"])
-        missing = [name for name in POINTS if name not in {row.name for row in points}]
-        if missing:
-            raise ValueError(f"{source}: points: {missing[0]!r} is missing; the loop runs at {', '.join(POINTS)}")
-    return Parameters(str(refrigerant), array, source, points)
+    return Parameters(file.refrigerant, array, source, file.points)
 
 
 def load_points(path: str | Path) -> tuple[TableRow, ...]:
@@ -184,12 +188,7 @@ def load_points(path: str | Path) -> tuple[TableRow, ...]:
     ValueError
         One line: the row and the entry that is missing, unknown, not a number or outside `POINT_RANGES`.
     """
-    data = _read_mapping(str(path), Path(path))
-    if set(data) != {"points"}:
-        strange = next((key for key in data if key != "points"), None)
-        what = "'points' is missing" if strange is None else f"unknown key {str(strange)[:60]!r}"
-        raise ValueError(f"{path}: {what}; allowed is points, a list of operating points")
-    return _rows(str(path), data["points"])
+    return _validated(str(path), _read_mapping(Path(path)), _TableFile).points
 
 
 def parameter_text(parameters: Parameters, remarks: Mapping[str, str] | None = None) -> str:
@@ -201,7 +200,7 @@ def parameter_text(parameters: Parameters, remarks: Mapping[str, str] | None = N
     remarks : mapping, optional
         Reasons to write in place of the shipped ones, for instance where a value was found.
     """
-    shipped = _read_mapping("parameters.yaml", resources.files("ac_plant_node").joinpath("parameters.yaml"))
+    shipped = _shipped()
     lines = [f"refrigerant: {parameters.refrigerant}"]
     for name in NAMES:
         entry = shipped[name]
@@ -218,80 +217,131 @@ def parameter_text(parameters: Parameters, remarks: Mapping[str, str] | None = N
 
 def parameter_range(name: str) -> tuple[float, float]:
     """Lowest and highest value of a parameter."""
-    entry = _read_mapping("parameters.yaml", resources.files("ac_plant_node").joinpath("parameters.yaml"))[name]
+    entry = _shipped()[name]
     return float(entry["low"]), float(entry["high"])
 
 
-def _read_mapping(source: str, path: "Path | Traversable") -> dict[Any, Any]:
-    try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ValueError(f"{source}: cannot be read ({error.strerror})") from error
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{source}: not a text file in UTF-8") from error
-    except (yaml.YAMLError, ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
-        # PyYAML's constructors raise more than its own errors: for a date that is none, for nesting without end.
-        raise ValueError(f"{source}: not valid YAML ({' '.join(str(error).split())[:200]})") from error
+# --------------------------------------------------------------------------------------------- files and their schema
+
+
+def _read_mapping(path: Path) -> dict[str, Any]:
+    data = parsed(text_of(path), f"{path}: not valid YAML")
     if not isinstance(data, dict):
-        raise ValueError(f"{source}: expected a mapping of names to values")
-    return data
+        raise ValueError(f"{path}: expected a mapping of names to values")
+    return {str(key): value for key, value in data.items()}
 
 
-def _value(source: str, name: str, entry: Any, shipped: Any) -> float:
-    if isinstance(entry, dict):
-        unknown = [key for key in entry if key not in shipped]
-        if unknown or "value" not in entry:
-            what = f"unknown key {str(unknown[0])[:60]!r}" if unknown else "'value' is missing"
-            raise ValueError(f"{source}: {name}: {what}; allowed are {', '.join(shipped)}")
-        entry = entry["value"]
-    value = _number(source, name, entry)
-    low, high = float(shipped["low"]), float(shipped["high"])
-    if not low <= value <= high:
-        raise ValueError(f"{source}: {name} = {value:g} {shipped['unit']} is outside {low:g} to {high:g}")
-    return value
+@cache
+def _shipped() -> dict[str, Any]:
+    """The shipped file: of every parameter the value, unit, range and reason."""
+    return _read_mapping(Path(__file__).with_name("parameters.yaml"))
 
 
-def _number(source: str, name: str, entry: Any) -> float:
-    try:
-        if isinstance(entry, bool):
-            raise TypeError
-        return float(entry)
-    except (TypeError, ValueError, OverflowError):
-        raise ValueError(f"{source}: {name} is not a number") from None
+def _known_refrigerant(name: str) -> str:
+    if name not in REFRIGERANTS:
+        raise ValueError(f"{shortened(name)!r}, allowed are {', '.join(REFRIGERANTS)}")
+    return name
 
 
-def _rows(source: str, entries: Any) -> tuple[TableRow, ...]:
-    if not isinstance(entries, list) or not 3 <= len(entries) <= LARGEST_TABLE:
-        raise ValueError(f"{source}: points: expected a list of 3 to {LARGEST_TABLE} operating points")
-    rows = tuple(_row(f"{source}: points.{number}", entry) for number, entry in enumerate(entries))
+def _distinct(rows: tuple[TableRow, ...]) -> tuple[TableRow, ...]:
     names = [row.name for row in rows]
     twice = [name for name in names if names.count(name) > 1]
     if twice:
-        raise ValueError(f"{source}: points: {twice[0]!r} is there twice")
+        raise ValueError(f"{twice[0]!r} is there twice")
     return rows
 
 
-def _row(where: str, entry: Any) -> TableRow:
-    allowed = ("name", *POINT_RANGES)
-    if not isinstance(entry, dict):
-        raise ValueError(f"{where}: expected a mapping with {', '.join(allowed)}")
-    unknown = [key for key in entry if key not in allowed]
-    if unknown:
-        hint = _nearest(str(unknown[0]), allowed)
-        raise ValueError(f"{where}: unknown key {str(unknown[0])[:60]!r}{hint}; allowed are {', '.join(allowed)}")
-    name = entry.get("name")
-    if not isinstance(name, str) or not name.isidentifier() or len(name) > 40:
-        raise ValueError(f"{where}: name must be a word of letters, digits and _, not {str(name)[:60]!r}")
-    values = {}
-    for key, (low, high) in POINT_RANGES.items():
-        if key in entry:
-            value = _number(where, key, entry[key])
-            if not low <= value <= high:
-                raise ValueError(f"{where}: {key} = {value:g} is outside {low:g} to {high:g}")
-            values[key] = value
-        elif key != "air_mass_flow_kg_s":
-            raise ValueError(f"{where}: {key} is missing")
-    return TableRow(name, **values)
+def _for_the_loop(rows: tuple[TableRow, ...]) -> tuple[TableRow, ...]:
+    missing = [name for name in POINTS if name not in {row.name for row in rows}]
+    if missing:
+        raise ValueError(f"{missing[0]!r} is missing; the loop runs at {', '.join(POINTS)}")
+    return rows
+
+
+_Rows = Annotated[tuple[TableRow, ...], Field(min_length=3, max_length=LARGEST_TABLE), AfterValidator(_distinct)]
+
+
+class _TableFile(BaseModel):
+    """A table of operating points."""
+
+    model_config = ConfigDict(extra="forbid")
+    points: _Rows
+
+
+class _PlantFile(BaseModel):
+    """What a parameter file holds beside the numbers of `NAMES`."""
+
+    model_config = ConfigDict(extra="forbid")
+    refrigerant: Annotated[str, AfterValidator(_known_refrigerant)] = "R134a"
+    points: Annotated[_Rows, AfterValidator(_for_the_loop)] = TABLE_I
+
+
+def _plain(shipped: Mapping[str, Any]) -> BeforeValidator:
+    """Takes the number out of the long form ``{value: .., unit: .., ...}``."""
+
+    def number(entry: Any) -> Any:
+        if not isinstance(entry, dict):
+            return entry
+        unknown = [key for key in entry if key not in shipped]
+        if unknown or "value" not in entry:
+            what = f"unknown key {shortened(unknown[0])!r}" if unknown else "'value' is missing"
+            raise ValueError(f"{what}; allowed are {', '.join(shipped)}")
+        if entry.get("unit", shipped["unit"]) != shipped["unit"]:
+            raise ValueError(f"unit {shortened(entry['unit'])!r}; the value must be in {shipped['unit']}")
+        return entry["value"]
+
+    return BeforeValidator(number)
+
+
+@cache
+def _plant_schema() -> type[_PlantFile]:
+    """A parameter file: every entry may be left out, its range and its default are those of the shipped file."""
+    shipped = _shipped()
+    fields: dict[str, Any] = {
+        name: (
+            Annotated[
+                float, _plain(shipped[name]), Field(ge=shipped[name]["low"], le=shipped[name]["high"], strict=True)
+            ],
+            float(shipped[name]["value"]),
+        )
+        for name in NAMES
+    }
+    return create_model("PlantFile", __base__=_PlantFile, **fields)
+
+
+def _validated[M: BaseModel](source: str, data: dict[str, Any], schema: type[M]) -> M:
+    try:
+        return schema.model_validate(data)
+    except ValidationError as error:
+        raise ValueError(f"{source}: {_line(error.errors(include_url=False)[0], tuple(schema.model_fields))}") from None
+
+
+def _line(problem: Any, top: tuple[str, ...]) -> str:
+    """One of pydantic's problems in the words of this project: where, what was given, what is allowed."""
+    *above, key = [str(part) for part in problem["loc"]]
+    kind, given = problem["type"], problem["input"]
+    inside = f"{'.'.join(above)}: " if above else ""
+    row = ("name", *POINT_RANGES)
+    if kind == "value_error":
+        return f"{inside}{key}: {problem['ctx']['error']}"
+    if kind in ("extra_forbidden", "unexpected_keyword_argument"):
+        known = row if above else top
+        listed = f"; allowed are {', '.join(known)}" if len(known) < len(NAMES) else ""
+        return f"{inside}unknown key {shortened(key)!r}{_nearest(key, known)}{listed}"
+    if kind == "missing":
+        return f"{inside}{key} is missing"
+    if kind.startswith(("float", "finite")):
+        return f"{inside}{key} is not a number"
+    if kind in ("greater_than_equal", "less_than_equal"):
+        low, high = POINT_RANGES[key] if above else parameter_range(key)
+        unit = "" if above else f" {_shipped()[key]['unit']}"
+        number = shortened(given["value"] if isinstance(given, dict) else given)
+        return f"{inside}{key} = {number}{unit} is outside {low:g} to {high:g}"
+    if kind.startswith(("tuple", "too_")):
+        return f"{inside}{key}: expected a list of 3 to {LARGEST_TABLE} operating points"
+    if kind.startswith("dataclass"):
+        return f"{inside}{key}: expected a mapping with {', '.join(row)}".replace("points: ", "points.")
+    return f"{inside}{key}: {problem['msg']}"
 
 
 def _nearest(word: str, known: tuple[str, ...]) -> str:

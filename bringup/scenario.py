@@ -7,7 +7,7 @@ and the air side are given as changes from the operating point, so one scenario 
 import difflib
 import re
 import reprlib
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -21,9 +21,8 @@ from bringup.errors import BringupError, one_line, shortened
 from bringup.profiles import PROFILE_KEYS, unit_profile
 from bringup.sample_time import DEFAULT_SAMPLE_TIME_S, LONGEST_SAMPLE_TIME_S, SHORTEST_SAMPLE_TIME_S
 from bringup.units import KPA, RPM
+from bringup.yaml_file import parsed, text_of
 
-#: Longest scenario file, in characters: thousands of changes, and an end to /dev/zero.
-LARGEST_FILE = 250_000
 #: Shortest time that a profile may take, s: the shortest sample time.
 SHORTEST_S = 0.01
 #: Largest seed of random numbers: what a ROS parameter holds on every machine.
@@ -301,7 +300,7 @@ def load(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
         One line naming the file, the key, what was given and what is allowed.
     """
     path = _find(name_or_path)
-    content = _parsed(_text(path), f"{path}: not valid YAML")
+    content = parsed(text_of(path), f"{path}: not valid YAML")
     if not isinstance(content, dict):
         msg = f"{path}: must hold keys and values such as 'duration_s: 600', not {_kind(content)}"
         raise BringupError(msg)
@@ -322,58 +321,6 @@ def to_yaml(scenario: Scenario) -> str:
 
 
 # ---------------------------------------------------------------------------------------------------- reading
-
-
-class _Loader(yaml.SafeLoader):
-    """PyYAML's safe loader, which also reads 1e3 as a number and refuses a key given twice."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        """Construct a mapping, refusing duplicate keys (YAML 1.2 forbids them; PyYAML keeps the last silently)."""
-        seen = set()
-        for key_node, _ in node.value:
-            key = key_node.value if isinstance(key_node, yaml.ScalarNode) else None
-            if key in seen and key is not None:
-                raise yaml.constructor.ConstructorError(None, None, f"key {key!r} is given twice", key_node.start_mark)
-            seen.add(key)
-        return super().construct_mapping(node, deep=deep)
-
-
-# YAML 1.2's float; PyYAML (YAML 1.1) takes 1e3 for text.
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    re.compile(r"^[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$"),
-    list("-+0123456789."),
-)
-
-
-#: What PyYAML lets through besides its own errors: a date that is none, a number too long, nesting without end.
-_YAML_PROBLEMS = (yaml.YAMLError, ValueError, TypeError, LookupError, AttributeError, RecursionError)
-
-
-def _parsed(text: str, what: str) -> Any:
-    """Content of a YAML text; `what` begins the complaint about a bad one."""
-    try:
-        return yaml.load(text, Loader=_Loader)
-    except _YAML_PROBLEMS as problem:
-        why = "nested too deeply" if isinstance(problem, RecursionError) else shortened(problem, 200)
-        msg = f"{what}: {why}"
-        raise BringupError(msg) from None
-
-
-def _text(path: Path) -> str:
-    try:
-        with path.open(encoding="utf-8") as file:
-            text = file.read(LARGEST_FILE + 1)
-    except OSError as problem:
-        msg = f"{path}: cannot be read: {problem.strerror}"
-        raise BringupError(msg) from None
-    except UnicodeDecodeError:
-        msg = f"{path}: not a text file in UTF-8"
-        raise BringupError(msg) from None
-    if len(text) > LARGEST_FILE:
-        msg = f"{path}: too long for a scenario; allowed: {LARGEST_FILE} characters"
-        raise BringupError(msg)
-    return text
 
 
 def _find(name_or_path: str | Path) -> Path:
@@ -406,7 +353,7 @@ def _override(content: dict[str, Any], override: str) -> None:
     if not equals or not key:
         msg = f"--set {shown}: must be KEY=VALUE, for instance faults.0.size_rpm=60"
         raise BringupError(msg)
-    value = _parsed(text, f"--set {shown}: the value {_short(text)} is not valid YAML")
+    value = parsed(text, f"--set {shown}: the value {_short(text)} is not valid YAML")
     target: Any = content
     *parents, last = key.split(".")
     for depth, part in enumerate(parents):

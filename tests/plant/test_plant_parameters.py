@@ -23,10 +23,16 @@ def shipped():
         (r"charge_kg: \{value", "charge_kg: {worth", "charge_kg: unknown key 'worth'; allowed are value, unit"),
         (r"charge_kg: \{value: 0\.50", "charge_kg: {value: much", "charge_kg is not a number"),
         (r"refrigerant: R134a", "refrigerant: R12", "'R12', allowed are R134a, R1234yf"),
-        (r"\Z", "colour: {value: 1}\n", "unknown parameter 'colour'"),
-        (r"\A", "chrage_kg: 0.5\n", "unknown parameter 'chrage_kg', did you mean 'charge_kg'"),
+        (r"\Z", "colour: {value: 1}\n", "unknown key 'colour'"),
+        (r"\A", "chrage_kg: 0.5\n", "unknown key 'chrage_kg', did you mean 'charge_kg'"),
         (r"\Z", "points: 3\n", "points: expected a list of 3 to 100"),
         (r"\A", "][", "not valid YAML"),
+        (r"\A", "charge_kg: 0.6\n", "key 'charge_kg' is given twice"),
+        (r"unit: kg,", "unit: g,", "charge_kg: unit 'g'; the value must be in kg"),
+        (r"value: 0\.50, unit: kg", "value: .nan, unit: kg", "charge_kg = nan kg is outside"),
+        (r"value: 0\.50, unit: kg", "value: 1" + 400 * "0" + ", unit: kg", "charge_kg"),
+        (r"charge_kg:.*\n", "charge_kg: [1]\n", "charge_kg is not a number"),
+        (r"\A", "3: 4\n", "unknown key '3'"),
     ],
 )
 def test_a_bad_parameter_file_gets_one_line(tmp_path, pattern, replacement, says):
