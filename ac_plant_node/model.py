@@ -83,7 +83,7 @@ _CD = INDEX["valve_discharge_coefficient"]
 
 # Numerical regularisation, all of it in rows that carry neither mass nor energy.
 _ZETA_FLOOR = 0.02  # a vanishing zone answers as if it had at least this length
-_OUTLET_BAND_K = 2.0  # over this span above the hottest surroundings the superheated zone's heat flow ends
+_OUTLET_BAND_K = 5.0  # over this span above the hottest surroundings the superheated zone's heat flow ends
 _CP_VAPOUR = 1.0e3  # J/(kg K): turns a temperature into an enthalpy where only the order of size matters
 _ZETA_RATE = 5.0  # 1/s: fastest relative change of the condenser's first zone
 _ZETA_C1_MAX = 0.9  # longest first zone of the condenser
