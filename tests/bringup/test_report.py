@@ -13,11 +13,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ac_plant_node.parameters import PLANT_VARIABLE
+from bringup.commands.outcome import companion
 from bringup.recording import Recording
 from bringup.report.nodes import Report, events_of, health_charts
 from bringup.report.page import render, write_report
 from bringup.report.story import BAD, GOOD, story
 from bringup.scenario import load
+from bringup.software import software
 from bringup.summary import summarise
 
 Make = Callable[..., Recording]
@@ -160,6 +163,26 @@ def test_nodes_and_pictures_beside_it(recording_of: Make, tmp_path: Path):
     for name in ("report", "report_fault_1", "report_nodes"):
         ET.parse(tmp_path / f"{name}.svg")
         assert (tmp_path / f"{name}.png").stat().st_size > 10_000
+
+
+def test_no_passive_run_of_another_plant_beside_it(
+    recording_of: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The companion would be simulated with the plant in use now; it is left out when the recording had another."""
+    run = recording_of(duration_s=12.0, faults=[{**SENSOR, "onset_s": 5.0}])
+    run.metadata["software"] = software()
+    beside, _ = companion(run)
+    assert beside is not None
+    other = tmp_path / "heavy.yaml"
+    other.write_text("charge_kg: 0.52\n")
+    monkeypatch.setenv(PLANT_VARIABLE, str(other))
+    beside, note = companion(run)
+    assert beside is None
+    assert "recorded with another plant, which `acftc --plant FILE` names" in note
+    run.metadata["software"] = software()
+    assert run.metadata["software"]["plant"].startswith("heavy.yaml ")
+    monkeypatch.delenv(PLANT_VARIABLE)
+    assert companion(run) == (None, note)
 
 
 # ----------------------------------------------------------------------------------------------------- the story

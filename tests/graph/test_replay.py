@@ -1,6 +1,9 @@
 """Replay: every node answers its recorded inputs as it did, and a change of behaviour shows."""
 
+import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -45,3 +48,17 @@ def test_wrong_names_are_clear(run: GraphRun, tmp_path: Path) -> None:
         replay(run.bag, "fid")
     with pytest.raises(BringupError, match="no such bag"):
         replay(tmp_path / "nothing", "fdi")
+
+
+def test_another_plant_is_refused_in_one_line(run: GraphRun, tmp_path: Path) -> None:
+    """By the command, as a user meets it; the message names both plants and what to do."""
+    (tmp_path / "heavy.yaml").write_text("charge_kg: 0.52\n")
+    command = [sys.executable, "-m", "bringup.cli", "--plant", "heavy.yaml", "replay", str(run.bag), "--node", "fdi"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False, timeout=60)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert re.fullmatch(
+        r"acftc: \S+: recorded with the plant parameters\.yaml [0-9a-f]{16}, "
+        r"in use is heavy\.yaml [0-9a-f]{16}; give it with --plant\n",
+        done.stderr,
+    )
