@@ -18,16 +18,21 @@ Both low-passes are of second order: what a fault brings in before it is isolate
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bringup.topics import FAULTS
+from bringup.units import RPM
 from fdi_node.cache import Arrays
+from gimc_controller_node.authority import Authority
 
 Vector = NDArray[np.float64]
+
+ANY_COMMAND = np.array([6000.0 * RPM, 1.0])
+"""A bound of q that is as good as none: from one end of the commands to the other [rad/s, 0..1]."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +54,8 @@ class CompensatorDesign:
     washout_time_s : float
         Time constants with which what is there at rest is forgotten.
     sample_time_s : float
+    q_range : ndarray, shape (2,)
+        What q is bounded by [rad/s, 0..1] (see `gimc_controller_node.authority`); by default `ANY_COMMAND`.
     """
 
     a: Vector
@@ -59,11 +66,13 @@ class CompensatorDesign:
     fade_time_s: float
     washout_time_s: float
     sample_time_s: float
+    q_range: Vector = field(default_factory=lambda: ANY_COMMAND.copy())
 
     @classmethod
     def from_arrays(cls, arrays: Arrays) -> "CompensatorDesign":
-        """Design from the arrays that the cache stores."""
-        matrices = {name: np.ascontiguousarray(arrays[name]) for name in ("a", "b", "c", "d")}
+        """Design from the arrays that the cache stores; in bags from before there was one, `q_range` is missing."""
+        known = {"q_range": ANY_COMMAND, **arrays}
+        matrices = {name: np.ascontiguousarray(known[name]) for name in ("a", "b", "c", "d", "q_range")}
         names = ("handover_time_s", "fade_time_s", "washout_time_s", "sample_time_s")
         return cls(**matrices, **{name: float(arrays[name]) for name in names})  # type: ignore[arg-type]
 
@@ -97,11 +106,18 @@ class Compensator:
         self._correction = [0.0, 0.0, 0.0, 0.0]  # first lag, then second one
         self._share = float(accommodate)  # of q that is let through
         self._share_step = design.sample_time_s / design.fade_time_s
+        self._authority = Authority(design.q_range, design.sample_time_s, design.fade_time_s)
+
+    @property
+    def outside_design_range(self) -> bool:
+        """Whether q is kept out because it would be more than the designs are for."""
+        return self._authority.outside
 
     def memory(self) -> dict[str, Any]:
         """What a compensator that takes this one's place has to know, fit for JSON; between two ticks."""
         arrays = {name: getattr(self, name).tolist() for name in _ARRAYS}
-        return {**arrays, "_correction": self._correction, "_share": self._share}
+        own = {"_correction": self._correction, "_share": self._share}
+        return {**arrays, **own, "_authority": self._authority.memory()}
 
     def remember(self, memory: Mapping[str, Any]) -> None:
         """Take the place of the compensator whose `memory` this is.
@@ -116,6 +132,7 @@ class Compensator:
                 getattr(self, name)[:] = memory[name]
             self._correction[:] = [float(value) for value in memory["_correction"]]
             self._share = float(memory["_share"])
+            self._authority.remember([float(value) for value in memory["_authority"]])
         except (KeyError, TypeError, ValueError) as problem:
             msg = f"not the memory of such a compensator: {type(problem).__name__} {problem}"
             raise ValueError(msg) from None
@@ -166,9 +183,11 @@ class Compensator:
             correction[3] += rate * (correction[1] - correction[3])
         change = self._share_step if self.accommodate else -self._share_step
         share = self._share = min(max(self._share + change, 0.0), 1.0)
+        speed, valve = guard_speed + correction[2], guard_valve + correction[3]
+        share *= self._authority.step(speed, valve)
         if share == 0.0:
             return np.zeros(2)
-        return np.array([share * (guard_speed + correction[2]), share * (guard_valve + correction[3])])
+        return np.array([share * speed, share * valve])
 
 
 def _lag(state: Vector, signal: Vector, rate: float, room: Vector) -> None:

@@ -43,7 +43,8 @@ from gimc.model_matching import Matching, model_matching, regularise
 from gimc.norms import hinf_norm, poles
 from gimc.reduction import reduce_order
 from gimc.sampled import discretise
-from gimc.structure import FaultySystem, closed_loop
+from gimc.structure import FaultySystem, closed_loop, disturbance_factor, fault_factor
+from gimc_controller_node.authority import DESIGN_RANGE
 from gimc_controller_node.weights import CompensatorWeights, ControllerWeights, MatchingWeights
 
 Matrix = NDArray[np.float64]
@@ -53,6 +54,10 @@ FAULTS_OF = {"Q_both": [0, 1], "Q_act": [0], "Q_sen": [1]}
 
 SLOPE_ERROR = 0.1
 """How much of a derived superheat's fault, `-dT_sat/dp f_p`, may be other than the slope at the point says."""
+
+
+PEAK_STEP_S, PEAK_LENGTH_S = 0.1, 100.0
+"""Over which times the peaks of q are looked for; the plant settles within 60 s."""
 
 
 def low_frequency_weight(weights: MatchingWeights, size: int) -> Abcd:
@@ -151,6 +156,23 @@ def solve(
     return matching, regularise(problem, len(system.C), 2, rho=weights.penalty, eps=RANK_NOISE)
 
 
+def q_peaks(system: FaultySystem, L: Matrix, guard: control.StateSpace) -> Matrix:
+    """Peaks of the guard's q after unit steps of disturbance and faults, the largest for each command.
+
+    Returns
+    -------
+    ndarray, shape (2,)
+        In design units.
+    """
+    factors = stack_inputs(disturbance_factor(system, L), fault_factor(system, L))
+    route = discretise(state_space(series(guard, factors)), PEAK_STEP_S, "zoh")
+    state, peaks = np.zeros(route.B.shape), np.abs(route.D)
+    for _ in range(round(PEAK_LENGTH_S / PEAK_STEP_S)):
+        state = route.A @ state + route.B
+        np.maximum(peaks, np.abs(route.C @ state + route.D), out=peaks)
+    return np.asarray(peaks.max(axis=1))
+
+
 def synthesise(
     point: str, sample_time_s: float, weights: CompensatorWeights, controller: ControllerWeights, fdi: FdiWeights
 ) -> Arrays:
@@ -171,6 +193,8 @@ def synthesise(
         started = time.perf_counter()
         matching, problem = solve(model.system, L, K, Lk, block, chosen)
         reduced = reduce_order(matching.filter, rtol=chosen.reduction)
+        if block == "Q_both":
+            guard = reduced.system
         filters.append(discretise(to_si(reduced.system, OUTPUT_UNIT, COMMAND_UNIT), sample_time_s))
         reports.append(
             BlockReport(
@@ -196,5 +220,6 @@ def synthesise(
         "fade_time_s": np.array(weights.fade_time_s),
         "washout_time_s": np.array(weights.washout_time_s),
         "sample_time_s": np.array(sample_time_s),
+        "q_range": DESIGN_RANGE * q_peaks(model.system, L, guard) * COMMAND_UNIT,
         **{f"report_{report.block}": report.to_array() for report in reports},
     }

@@ -95,7 +95,7 @@ def compensator(accommodate: bool = True, washout_s: float = 1e9) -> Compensator
     gains = np.zeros((6, 3))
     gains[0, 0], gains[2, 0], gains[5, 0] = 4.0, 1.0, 2.0
     design = CompensatorDesign(
-        np.zeros((1, 1)), np.zeros((1, 3)), np.zeros((6, 1)), gains, 1.0, 0.5, washout_s, sample_time_s=0.1
+        np.zeros((1, 1)), np.zeros((1, 3)), np.zeros((6, 1)), gains, 1.0, 0.5, washout_s, 0.1, np.full(2, 1e3)
     )
     return Compensator(design, accommodate)
 

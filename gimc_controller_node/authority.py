@@ -1,0 +1,86 @@
+"""How far the compensator may go: q within what the designs are for, and none at all where they are not valid.
+
+Every Q is as good as the linear model behind it. With that model `f_e` does not depend on q (Lemma 1 of the paper); far
+from the operating point it does, through what the plant is not linear, and that second loop can be unstable. K0 needs
+no such model. So q is bounded, its direction kept, by a stated multiple of what faults and disturbances of the design's
+size make of it. A q that would go beyond that bound is the sign of a plant that is not the model's (or of a fault far
+beyond the design's size): q then fades out, which leaves K0, and comes back when what it would be has been small for a
+while, for a start with a part of the bound. Each time that it does not keep well it stays away four times as long.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+DESIGN_RANGE = 5.0
+"""Bound of q: this many times its peak after a fault or a step of the air flow of the design's size, each by itself."""
+
+RETURN_RATIO = 0.25
+"""Part of the bound below which q has to stay, if it were let through, before it is let through again."""
+
+FIRST_WAIT_S, LONGER, LONGEST_WAIT_S = 60.0, 4.0, 3600.0
+"""How long it has to stay there: after the first time, how many times longer after each further one, and at most."""
+
+KEPT_WELL = 10.0
+"""After this many times the last wait in service, what was before is forgotten, and the bound is whole again."""
+
+PROBATION = 0.4
+"""Part of the bound until then."""
+
+
+class Authority:
+    """The part of q that is let through, tick by tick.
+
+    Parameters
+    ----------
+    q_range : ndarray, shape (2,)
+        Bounds of q [rad/s, 0..1].
+    sample_time_s : float
+    fade_time_s : float
+        How long q takes to go out, or to come back, in a straight line.
+
+    Raises
+    ------
+    ValueError
+        When a bound is not above zero.
+
+    Attributes
+    ----------
+    outside : bool
+        Whether q is kept out, or on its way out.
+    """
+
+    def __init__(self, q_range: NDArray[np.float64], sample_time_s: float, fade_time_s: float) -> None:
+        if q_range.shape != (2,) or not (q_range > 0.0).all():
+            raise ValueError(f"bounds of q are {q_range.tolist()}; allowed: two numbers above zero")
+        self._speed, self._valve = q_range.tolist()
+        self._sample_time_s, self._share_step = sample_time_s, sample_time_s / fade_time_s
+        self.outside = False
+        self._share, self._bound, self._wait_s, self._in_service_s, self._quiet_s = 1.0, 1.0, 0.0, 0.0, 0.0
+
+    def step(self, speed: float, valve: float) -> float:
+        """Factor, 0 to 1, on the q [rad/s, 0..1] that the filters ask for."""
+        ratio = max(abs(speed) / self._speed, abs(valve) / self._valve)
+        if self.outside:
+            self._quiet_s = self._quiet_s + self._sample_time_s if ratio < RETURN_RATIO else 0.0
+            if self._quiet_s >= self._wait_s:
+                self.outside, self._bound, self._in_service_s = False, PROBATION, 0.0
+        else:
+            self._in_service_s += self._sample_time_s
+            proven = self._in_service_s >= KEPT_WELL * self._wait_s
+            if proven:
+                self._bound = 1.0
+            if ratio > self._bound:
+                self._wait_s = FIRST_WAIT_S if proven else min(LONGER * self._wait_s, LONGEST_WAIT_S)
+                self.outside, self._quiet_s = True, 0.0
+        change = -self._share_step if self.outside else self._share_step
+        self._share = min(max(self._share + change, 0.0), 1.0)
+        return self._share * min(self._bound / ratio, 1.0) if ratio > 0.0 else self._share
+
+    def memory(self) -> list[float]:
+        """What one that takes this one's place has to know."""
+        return [float(self.outside), self._share, self._bound, self._wait_s, self._in_service_s, self._quiet_s]
+
+    def remember(self, memory: list[float]) -> None:
+        """Take the place of the one whose `memory` this is."""
+        outside, self._share, self._bound, self._wait_s, self._in_service_s, self._quiet_s = memory
+        self.outside = bool(outside)
