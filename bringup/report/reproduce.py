@@ -355,10 +355,12 @@ def _medium_compensator_at(point: str, name: str, medium: Designs) -> list[Findi
     scenario = load(name, [f"operating_point={point}"])
     own = designs_at(point, scenario.sample_time_s)
     foreign = replace(medium.fdi, input_rest=own.fdi.input_rest, output_rest=own.fdi.output_rest)
+    # Without the bounds that would leave the loop to K0: Q itself is what is looked at.
+    unbounded = replace(medium.compensator, q_range=np.full(2, np.inf))
     used = {
         "its own Q": own,
-        "the medium Q": replace(own, compensator=medium.compensator),
-        "the medium Q and observer": replace(own, fdi=foreign, compensator=medium.compensator),
+        "the medium Q": replace(own, compensator=unbounded),
+        "the medium Q and observer": replace(own, fdi=foreign, compensator=unbounded),
     }
     found = []
     for whose, designs in used.items():
