@@ -12,7 +12,8 @@ from bringup.recording import Recording
 from bringup.scenario import load
 from bringup.summary import summarise
 from bringup.units import KPA, RPM
-from gimc_controller_node.limits import smallest_peak_pa
+from gimc_controller_node.limits import reached_peak_pa, smallest_peak_pa
+from gimc_controller_node.weights import QUICK_GUARD
 
 POINTS = ("low", "med", "high")
 
@@ -110,3 +111,12 @@ def test_no_controller_can_keep_the_peak_below_the_first_sample(point: str) -> N
     moved = pressure[5001] - pressure[5000]
     assert abs(moved) == pytest.approx(bound_kpa, rel=0.2)
     assert np.abs(pressure[5000:]).max() > 0.9 * bound_kpa
+
+
+def test_at_50_hz_the_quick_guard_comes_near_the_bound_and_the_guard_in_use_does_not() -> None:
+    """One case of `python -m gimc_controller_node.limits`, the table in docs/control.md."""
+    bound = smallest_peak_pa("med", 0.02, 40.0 * RPM) / KPA
+    in_use, quick = (reached_peak_pa("med", 0.02, guard) / KPA for guard in (None, QUICK_GUARD))
+    assert bound == pytest.approx(0.22, abs=0.005)
+    assert in_use == pytest.approx(0.58, abs=0.01)
+    assert quick == pytest.approx(0.24, abs=0.01)
