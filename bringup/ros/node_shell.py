@@ -5,6 +5,7 @@ says with `on_tick` which topics make up a tick's input and what to do then.
 """
 
 import ctypes
+import errno
 import gc
 import json
 import math
@@ -42,7 +43,7 @@ from bringup.ros.arguments import ArgumentError, init
 from bringup.ros.cdr import Packer, packer
 from bringup.ros.inputs import Gate, LoopInputs, Subscriptions
 from bringup.ros.messages import message_class
-from bringup.ros.processes import end_with_parent
+from bringup.ros.processes import DISK_FULL, end_with_parent
 from bringup.ros.realtime import Care
 from bringup.ros.ticks import TickSet, Timeline, WallClockSet
 from bringup.sample_time import DEFAULT_SAMPLE_TIME_S, LONGEST_SAMPLE_TIME_S, SHORTEST_SAMPLE_TIME_S
@@ -571,10 +572,24 @@ def qos_of(topic: Topic) -> QoSProfile:
 def run_node(make: Callable[[], NodeShell]) -> int:
     """Run a node until it is told to end; the exit code: 0 after SIGINT and SIGTERM, 1 when it failed, 2: bad input."""
     end_with_parent()
+    made: list[NodeShell] = []
+    code = _run(make, made)
+    for node in made:
+        try:
+            node.stopped()
+        except OSError as problem:  # what was kept back until now found no room either
+            code = code or _report(node, problem)
+        node.destroy_node()
+    rclpy.try_shutdown()
+    return code
+
+
+def _run(make: Callable[[], NodeShell], made: list[NodeShell]) -> int:
     node = None
     try:
         init()
         node = make()
+        made.append(node)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         if node.value("autostart"):
@@ -598,11 +613,6 @@ def run_node(make: Callable[[], NodeShell]) -> int:
         return BAD_INPUT
     except Exception as problem:
         return _report(node, problem)
-    finally:
-        if node is not None:
-            node.stopped()
-            node.destroy_node()
-        rclpy.try_shutdown()
 
 
 def sleep_until(monotonic_s: float) -> None:
@@ -613,11 +623,14 @@ def sleep_until(monotonic_s: float) -> None:
 
 
 def _report(node: NodeShell | None, problem: Exception) -> int:
-    """Say why the node ends: the traceback for us, then one line for the user."""
-    if not isinstance(problem, ValueError):
-        traceback.print_exc()
-    print(f"{node.get_name() if node else _program()}: {_one_line(problem)}", file=sys.stderr, flush=True)
-    return 1
+    """Say why the node ends: the traceback for us, then one line for the user; its exit code."""
+    try:
+        if not isinstance(problem, ValueError):
+            traceback.print_exc()
+        print(f"{node.get_name() if node else _program()}: {_one_line(problem)}", file=sys.stderr, flush=True)
+    except OSError:  # the log is on the disk that is full; what could not be said must not be tried again at exit
+        sys.stderr = Path(os.devnull).open("w")  # noqa: SIM115
+    return DISK_FULL if isinstance(problem, OSError) and problem.errno == errno.ENOSPC else 1
 
 
 def set_priority(priority: int) -> str:

@@ -81,10 +81,8 @@ def end_with_parent() -> None:
         sys.exit(1)
 
 
-def _is_full(folder: Path) -> bool:
-    """Whether the disk under `folder` has no room for one more page."""
-    disk = os.statvfs(folder)
-    return disk.f_bavail * disk.f_frsize < os.sysconf("SC_PAGE_SIZE")
+#: Exit code of a node that found the disk full, which takes neither the bag nor the words about it.
+DISK_FULL = errno.ENOSPC
 
 
 @dataclass
@@ -114,8 +112,7 @@ class Child:
         said = [line.strip() for line in lines if line.strip()]
         if said:
             return said[-1]
-        # A full disk takes neither the bag nor the words about it.
-        return os.strerror(errno.ENOSPC) if _is_full(self.log.parent) else "it wrote nothing"
+        return os.strerror(errno.ENOSPC) if self.process.returncode == DISK_FULL else "it wrote nothing"
 
 
 def start(

@@ -6,19 +6,23 @@ import sys
 from pathlib import Path
 
 import pytest
-from bad_inputs import KINDS, Kind, attack, judge, read_recording, small_bag
+from bad_inputs import KINDS, Kind, judge, read_recording, small_bag
 from mutations import spoiled_bag
 
 INPUTS = {"scenario": 250, "override": 250, "bag": 300, "design": 300, "plant": 40, "cycle": 300, "node": 100}
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_bad_input_is_one_clear_line_and_exit_code_2(name: str, tmp_path: Path) -> None:
-    outcome = attack(KINDS[name], INPUTS[name], seed=1, folder=tmp_path)
-    assert not outcome.failures, "\n".join(outcome.failures)
+def test_bad_input_is_one_clear_line_and_exit_code_2(name: str) -> None:
+    # In a process of its own: it forks, which a process that has threads of the middleware must not.
+    script = Path(__file__).with_name("bad_inputs.py")
+    command = [sys.executable, str(script), "--kind", name, "--inputs", str(INPUTS[name]), "--seed", "1"]
+    result = subprocess.run(command, capture_output=True, text=True, check=False, timeout=200)
+    assert result.returncode == 0, (result.stdout + result.stderr)[-3000:]
+    accepted, refused = (int(word) for word in result.stdout.splitlines()[1].split()[2:4])
     # A fuzzer whose inputs are all good, or all refused at the first byte, tests nothing.
-    assert outcome.refused > INPUTS[name] // 3
-    assert outcome.accepted > 0
+    assert refused > INPUTS[name] // 3
+    assert accepted > 0
 
 
 def test_the_good_bag_is_accepted(tmp_path: Path) -> None:
