@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from bringup.errors import RunError
 from bringup.recording import AS_USUAL, Recording, StatusRow
 from bringup.scenario import Scenario, program
 from bringup.software import software
-from bringup.topics import CONTROLLER, SERIES
+from bringup.topics import COMPENSATOR, CONTROLLER, SERIES
 
 if TYPE_CHECKING:
     from fdi_node import FdiDesign, SuperheatSensor
@@ -102,7 +102,8 @@ def simulate(
     detector = FaultDetector(designs.fdi)
     compensator = Compensator(designs.compensator, accommodate=not passive)
     controller = FallbackController(Controller(designs.controller))
-    does, events = "", []
+    compensator_does, controller_does = "", ""
+    events: list[dict[str, Any]] = []
 
     log = {key: np.empty((ticks, width)) for key, width in _WIDTHS.items()}
     plant_log, air_log, measured_log, innovation_log = (
@@ -125,9 +126,12 @@ def simulate(
         q = compensator.step(found.innovation, found.isolated, found.also_isolated)
         command = controller.step(plan.reference[k], measured, q)
         detector.commanded(command)
-        if controller.does != does:
-            does = controller.does
-            events.append({"time_s": time_s, "node": CONTROLLER, "what": does or AS_USUAL})
+        if compensator.does != compensator_does:
+            compensator_does = compensator.does
+            events.append({"time_s": time_s, "node": COMPENSATOR, "what": compensator_does or AS_USUAL})
+        if controller.does != controller_does:
+            controller_does = controller.does
+            events.append({"time_s": time_s, "node": CONTROLLER, "what": controller_does or AS_USUAL})
         actuator = injector.actuate(command, f_n)
 
         plant_log[k] = outputs

@@ -34,6 +34,8 @@ Vector = NDArray[np.float64]
 ANY_COMMAND = np.array([6000.0 * RPM, 1.0])
 """A bound of q that is as good as none: from one end of the commands to the other [rad/s, 0..1]."""
 
+OUTSIDE = "outside the design range: K0 alone"
+
 
 @dataclass(frozen=True)
 class CompensatorDesign:
@@ -109,9 +111,9 @@ class Compensator:
         self._authority = Authority(design.q_range, design.sample_time_s, design.fade_time_s)
 
     @property
-    def outside_design_range(self) -> bool:
-        """Whether q is kept out because it would be more than the designs are for."""
-        return self._authority.outside
+    def does(self) -> str:
+        """`OUTSIDE` while q is kept out because it would be more than the designs are for, otherwise empty."""
+        return OUTSIDE if self._authority.outside else ""
 
     def memory(self) -> dict[str, Any]:
         """What a compensator that takes this one's place has to know, fit for JSON; between two ticks."""

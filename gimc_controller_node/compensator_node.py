@@ -41,9 +41,6 @@ INPUTS = (
     "fdi/status",
 )
 
-#: What is announced while the compensator keeps q out.
-OUTSIDE = "outside the design range: K0 alone"
-
 
 class CompensatorNode(NodeShell):
     """Shell around `Compensator`."""
@@ -73,7 +70,7 @@ class CompensatorNode(NodeShell):
         if self.is_realtime:
             self._catch_up(time_ns, innovation, status)
         q = self._compensator.step(innovation, status.isolated, status.also_isolated)
-        self.enter(OUTSIDE if self._compensator.outside_design_range else "", time_ns)
+        self.enter(self._compensator.does, time_ns)
         self.send(time_ns, "compensator/q", *q.tolist())
         self.keep(time_ns, self._compensator.memory)
 

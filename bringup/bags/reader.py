@@ -253,7 +253,7 @@ def _events(raw: RawBag, first: int, duration_ns: int) -> list[dict[str, Any]]:
             for time_s, what in since
             if 0.0 <= time_s < duration_ns / 1e9
         ]
-    return sorted(found, key=lambda event: event["time_s"])
+    return sorted(found, key=lambda event: (event["time_s"], event["node"]))
 
 
 def health_reports(raw: RawBag) -> Iterator[tuple[str, dict[str, str]]]:

@@ -15,6 +15,7 @@ from bringup.scenario import Scenario
 from bringup.units import KPA, RPM
 from gimc_controller_node import Compensator
 from gimc_controller_node.authority import FIRST_WAIT_S, KEPT_WELL, LONGER, LONGEST_WAIT_S, PROBATION, Authority
+from gimc_controller_node.compensator import OUTSIDE
 
 SAMPLE_TIME_S, FADE_S = 0.1, 5.0
 BOUND = np.array([10.0, 0.02])
@@ -148,11 +149,11 @@ def test_one_that_takes_its_place_goes_on_where_it_was() -> None:
     for size in (3e3, 3e4):
         for f_e in size * random.standard_normal((50, 3)) * [1.0, 3e-4, 3e-4]:
             one.step(f_e, None)
-    assert one.outside_design_range
+    assert one.does == OUTSIDE
     other.remember(json.loads(json.dumps(one.memory())))
     for f_e in 1e2 * random.standard_normal((400, 3)) * [1.0, 3e-4, 3e-4]:
         assert one.step(f_e, None) == pytest.approx(other.step(f_e, None), abs=0.0)
-    assert one.outside_design_range == other.outside_design_range
+    assert one.does == other.does
 
 
 @pytest.mark.parametrize("bounds", [[0.0, 1.0], [-1.0, 1.0], [1.0], [np.nan, 1.0]])
