@@ -126,14 +126,22 @@ class Controller:
         speed, valve = self._wanted.tolist()
         rest, last, low, high, stride = self._rest, self._last, self._low, self._high, self._stride
         speed, valve = speed + rest[0], valve + rest[1]
-        sent_speed = min(max(speed, low[0], last[0] - stride[0]), high[0], last[0] + stride[0])
-        sent_valve = min(max(valve, low[1], last[1] - stride[1]), high[1], last[1] + stride[1])
+        sent_speed = max(min(speed, high[0], last[0] + stride[0]), low[0], last[0] - stride[0])
+        sent_valve = max(min(valve, high[1], last[1] + stride[1]), low[1], last[1] - stride[1])
         self.at_limit = (sent_speed != speed, sent_valve != valve)
         last[0], last[1] = sent_speed, sent_valve
         self._deviation[0], self._deviation[1] = sent_speed - rest[0], sent_valve - rest[1]
         np.dot(self._update, self._in, out=self._next)
         self._state[:] = self._next
         return np.array([sent_speed, sent_valve])
+
+    def cap(self, speed_rad_s: float, opening: float) -> None:
+        """Keep the commands below these caps from now on, and within their limits; inf takes a cap away.
+
+        A cap below the last command is met at the command's greatest rate.
+        """
+        high = self.design.command_max.tolist()
+        self._high[:] = [min(high[0], speed_rad_s), min(high[1], opening)]
 
     def resume(self, command: Vector, measured: Vector, reference: Vector) -> None:
         """Take over from whatever moves the actuators now, without a jump.

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from bringup.safe_command import towards
 from gimc_controller_node.controller import Controller
-from gimc_controller_node.protection import IDLE, Protection, ProtectionLimits, protect, protective_command
+from gimc_controller_node.protection import IDLE, Protection, ProtectionLimits, protect
 
 Vector = NDArray[np.float64]
 
@@ -26,7 +26,9 @@ class FallbackController:
     Attributes
     ----------
     protection : Protection
-        What it does at present to keep the plant within these limits.
+        The caps on the command at present that keep the plant within these limits.
+    is_reference_raised : bool
+        Whether a reference is lower than the protection lets the plant be asked for, and the bound is used instead.
     mode : str
         What it does at present: `GIMC` (all is there), `K0_ALONE` (q is missing; the last one fades out), or `SAFE`
         (a measurement or a reference is missing).
@@ -36,10 +38,12 @@ class FallbackController:
         self._controller = controller
         self._limits = limits or ProtectionLimits()
         self.protection: Protection = IDLE
+        self._lowest_reference = self._limits.lowest_reference
+        pressure, superheat = self._lowest_reference.tolist()
+        self._raised = f"reference too low: raised to {pressure / 1e3:g} kPa, {superheat:g} K at least"
+        self.is_reference_raised = False
         self._command = controller.design.command_rest.copy()
         self._safe = controller.design.command_rest
-        speed, opening = self._safe.tolist()
-        self._rest = (speed, opening)
         self._sample_time_s = controller.design.sample_time_s
         self.mode = GIMC
 
@@ -50,15 +54,18 @@ class FallbackController:
 
     def step(self, reference: Vector, measured: Vector, q: Vector | None) -> Vector:
         """Command of a tick with references and measurements; q None when there is none."""
-        before = self.protection
-        self.protection = protect(before, measured[0], measured[1], self._limits, self._sample_time_s)
-        if self.protection.reason:
-            target = np.array(protective_command(self.protection.reason, self._rest, self._limits))
-            rate = (self._limits.speed_rate_rad_s2, self._limits.valve_rate_1_s)
-            self.mode = GIMC if q is not None else K0_ALONE
-            self._command = towards(self._command, target, self._sample_time_s, rate)
-            return self._command
-        if self.mode == SAFE or before.reason:
+        self.is_reference_raised = bool((reference < self._lowest_reference).any())
+        if self.is_reference_raised:
+            reference = np.maximum(reference, self._lowest_reference)
+        pressure, superheat = float(measured[0]), float(measured[1])
+        speed, opening = self._command.tolist()
+        protection = protect(
+            self.protection, (pressure, superheat), (speed, opening), self._limits, self._sample_time_s
+        )
+        if protection is not self.protection:
+            self.protection = protection
+            self._controller.cap(protection.speed.value, protection.opening.value)
+        if self.mode == SAFE:
             self._controller.resume(self._command, measured, reference)
         command = self._controller.step(reference, measured, q)
         if math.isnan(command[0] + command[1]):  # numbers that overflowed: begin anew from what the actuators do
@@ -70,7 +77,8 @@ class FallbackController:
     @property
     def does(self) -> str:
         """All that is out of the ordinary at present, in words; empty when nothing is."""
-        return "; ".join(text for text in (self.mode, self.protection.reason) if text)
+        raised = self._raised if self.is_reference_raised else ""
+        return "; ".join(text for text in (self.mode, raised, self.protection.reason) if text)
 
     def blind(self) -> Vector:
         """Command of a tick that lacks measurements or references: one stride nearer to the safe command."""

@@ -1,21 +1,27 @@
-"""What the plant is asked to do stays physical: too cold or without superheat, the controller steps aside.
+"""What the plant is asked to do stays physical: caps on the command when it is too cold or the superheat is gone.
 
 Below a lowest evaporator pressure the coil ices up and the compressor runs on next to nothing; the low-pressure switch
-of an air conditioner opens there. Below a lowest superheat liquid may reach the compressor ("slugging"), and the
-plant's gains change so much that a linear controller swings from limit to limit. In both cases the command goes, in a
-ramp, to one at which the plant is known to recover: that of the operating point, with the valve closed somewhat
-(superheat) or the compressor slowed down (pressure). When all has been well for a while the controller takes over
-again.
+of an air conditioner opens there. Below a lowest superheat liquid may reach the compressor ("slugging"). What helps is
+known without a model: less speed against the one, less valve opening against the other. So while the pressure
+(superheat) is below its lowest value, a cap on the speed (opening) comes down from what the command is, in a ramp; when
+it is well above, the cap goes up again, slowly, and when the command has been below it for a while it is gone. This is
+the override (selector) control of process engineering: the controller stays in the loop, and may do more of the same.
+An anti-windup as that of `Controller` is what it needs besides.
+
+A reference that low is not even tried: the controller would be driven there again and again.
 """
 
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from bringup.units import RPM
 
-COLD = "evaporator pressure too low (freezing): compressor is slowed down"
-DRY = "superheat too low (liquid to the compressor): valve is closed"
+COLD = "evaporator pressure too low (freezing): compressor speed is capped"
+DRY = "superheat too low (liquid to the compressor): valve opening is capped"
 
 
 @dataclass(frozen=True)
@@ -27,17 +33,14 @@ class ProtectionLimits:
     lowest_pressure_pa, lowest_superheat_k : float
         Below it for `confirm_s` the protection acts.
     pressure_margin_pa, superheat_margin_k : float
-        When both are above the lowest value plus this for `release_s` it is over.
-    confirm_s, release_s : float
-    forget_s : float
-        When it has to act again within this time, `release_s` doubles each time (`most_release_s` at most): a reference
-        that cannot be had must not make the plant swing.
-    most_release_s : float
-    speed_rate_rad_s2, valve_rate_1_s : float
-        How fast the command moves.
-    speed_share, valve_share : float
-        The compressor's speed when it is too cold, the valve's opening when the superheat is too low, as shares of the
-        operating point's.
+        A cap goes up again while what it protects is above its lowest value plus this; references are kept above it.
+    confirm_s : float
+    release_s : float
+        A cap is gone when the command has been below it for so long.
+    speed_rate_rad_s2, opening_rate_1_s : float
+        How fast the caps come down; up they go at `UP` times that.
+    least_speed_rad_s, least_opening : float
+        What the caps leave in any case.
     """
 
     lowest_pressure_pa: float = 160e3
@@ -46,52 +49,72 @@ class ProtectionLimits:
     superheat_margin_k: float = 5.0
     confirm_s: float = 0.3
     release_s: float = 10.0
-    forget_s: float = 300.0
-    most_release_s: float = 160.0
-    speed_rate_rad_s2: float = 300.0 * RPM
-    valve_rate_1_s: float = 0.1
-    speed_share: float = 0.6
-    valve_share: float = 0.8
+    speed_rate_rad_s2: float = 100.0 * RPM
+    opening_rate_1_s: float = 0.02
+    least_speed_rad_s: float = 600.0 * RPM
+    least_opening: float = 0.05
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if not (math.isfinite(value) and value >= 0.0):
                 raise ValueError(f"protection: {name} is {value!r}; allowed: a number, not negative")
-        for name in ("speed_share", "valve_share"):
-            if getattr(self, name) > 1.0:
-                raise ValueError(f"protection: {name} is {getattr(self, name)!r}; allowed: 0 to 1")
+
+    @property
+    def lowest_reference(self) -> NDArray[np.float64]:
+        """Lowest pressure and superheat that the plant may be asked for [Pa, K]."""
+        return np.array(
+            [self.lowest_pressure_pa + self.pressure_margin_pa, self.lowest_superheat_k + self.superheat_margin_k]
+        )
 
 
-class Protection(NamedTuple):
-    """The protection's state after a tick.
+UP = 0.2
+"""How fast a cap goes up, as a part of how fast it comes down."""
+
+
+class Cap(NamedTuple):
+    """A cap on one command after a tick.
 
     Attributes
     ----------
-    reason : str
-        `COLD` or `DRY` while it acts, else empty.
-    cold_s, dry_s : float
-        For how long the pressure, the superheat has been too low.
-    well_s : float
-        For how long both have been well above.
-    release_s : float
-        For how long they must be.
-    calm_s : float
-        Time since it was over.
+    value : float
+        The cap; inf when there is none.
+    low_s : float
+        For how long what it protects has been too low.
+    free_s : float
+        For how long the command has been below the cap.
     """
 
-    reason: str = ""
-    cold_s: float = 0.0
-    dry_s: float = 0.0
-    well_s: float = 0.0
-    release_s: float = 0.0
-    calm_s: float = 0.0
+    value: float = math.inf
+    low_s: float = 0.0
+    free_s: float = 0.0
+
+
+FREE = Cap()
+
+
+class Protection(NamedTuple):
+    """The caps on speed [rad/s] and opening [0..1] after a tick."""
+
+    speed: Cap = FREE
+    opening: Cap = FREE
+
+    @property
+    def reason(self) -> str:
+        """`COLD`, `DRY`, both, or empty: which caps there are."""
+        return "; ".join(
+            why for cap, why in ((self.speed, COLD), (self.opening, DRY)) if cap.value < math.inf
+        )  # a command is finite
 
 
 IDLE = Protection()
 
 
 def protect(
-    state: Protection, pressure_pa: float, superheat_k: float, limits: ProtectionLimits, sample_time_s: float
+    state: Protection,
+    measured: tuple[float, float],
+    command: tuple[float, float],
+    limits: ProtectionLimits,
+    sample_time_s: float,
 ) -> Protection:
     """One tick.
 
@@ -99,8 +122,10 @@ def protect(
     ----------
     state
         After the tick before; `IDLE` at first.
-    pressure_pa, superheat_k
-        Measured in this tick.
+    measured
+        Evaporator pressure [Pa] and superheat [K] in this tick.
+    command
+        Compressor speed [rad/s] and valve opening [0..1] of the tick before.
     limits, sample_time_s
 
     Returns
@@ -108,40 +133,45 @@ def protect(
     Protection
         `IDLE` itself when there is nothing to do.
     """
-    is_cold, is_dry = pressure_pa < limits.lowest_pressure_pa, superheat_k < limits.lowest_superheat_k
-    if state is IDLE and not (is_cold or is_dry):
+    pressure, superheat = measured
+    if state is IDLE and pressure >= limits.lowest_pressure_pa and superheat >= limits.lowest_superheat_k:
         return state
-    is_well = (
-        pressure_pa >= limits.lowest_pressure_pa + limits.pressure_margin_pa
-        and superheat_k >= limits.lowest_superheat_k + limits.superheat_margin_k
+    speed = _moved(
+        state.speed,
+        pressure - limits.lowest_pressure_pa,
+        limits.pressure_margin_pa,
+        command[0],
+        (limits.least_speed_rad_s, limits.speed_rate_rad_s2 * sample_time_s),
+        (limits.confirm_s, limits.release_s, sample_time_s),
     )
-    cold_s = state.cold_s + sample_time_s if is_cold else 0.0
-    dry_s = state.dry_s + sample_time_s if is_dry else 0.0
-    well_s = state.well_s + sample_time_s if is_well else 0.0
-    reason, release_s, calm_s = state.reason, state.release_s, 0.0
-    if dry_s >= limits.confirm_s or cold_s >= limits.confirm_s:
-        reason = DRY if dry_s >= limits.confirm_s else COLD
-        if not state.reason:
-            release_s = min(2.0 * release_s, limits.most_release_s) if release_s else limits.release_s
-    elif reason and well_s >= release_s:
-        reason = ""
-    elif not reason:
-        calm_s = state.calm_s + sample_time_s
-        if calm_s > limits.forget_s:
-            return IDLE
-    return Protection(reason, cold_s, dry_s, well_s, release_s, calm_s)
+    opening = _moved(
+        state.opening,
+        superheat - limits.lowest_superheat_k,
+        limits.superheat_margin_k,
+        command[1],
+        (limits.least_opening, limits.opening_rate_1_s * sample_time_s),
+        (limits.confirm_s, limits.release_s, sample_time_s),
+    )
+    return IDLE if speed == opening == FREE else Protection(speed, opening)
 
 
-def protective_command(reason: str, rest: tuple[float, float], limits: ProtectionLimits) -> tuple[float, float]:
-    """Where the command goes: compressor speed [rad/s] and valve opening [0..1].
-
-    Parameters
-    ----------
-    reason
-        `COLD` or `DRY`.
-    rest
-        Command of the operating point, same units.
-    limits
-    """
-    speed, opening = rest
-    return (speed, limits.valve_share * opening) if reason == DRY else (limits.speed_share * speed, opening)
+def _moved(
+    cap: Cap,
+    above: float,
+    margin: float,
+    command: float,
+    least_stride: tuple[float, float],
+    times_s: tuple[float, float, float],
+) -> Cap:
+    """One tick of one cap; `above` is by how much what it protects is above its lowest value."""
+    (least, stride), (confirm_s, release_s, sample_time_s) = least_stride, times_s
+    low_s = cap.low_s + sample_time_s if above < 0.0 else 0.0
+    value = cap.value
+    if low_s > confirm_s - 0.5 * sample_time_s:
+        value = max(min(value, command) - stride, min(least, command))
+    elif above > margin:
+        value += UP * stride
+    if value == math.inf:
+        return Cap(low_s=low_s)
+    free_s = cap.free_s + sample_time_s if command < value - stride else 0.0
+    return FREE if free_s > release_s and not low_s else Cap(value, low_s, free_s)
