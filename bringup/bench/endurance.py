@@ -8,7 +8,7 @@ broken: memory that grows after the first minute, a tick missed by our code, a b
 """
 
 import argparse
-import os
+import contextlib
 import sys
 import tempfile
 import time
@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from bringup.bags.reader import health_reports, read_bag, read_raw
+from bringup.bench.children import node_pids, resident_mb
 from bringup.bench.figures import host_noise, start_host_noise
 from bringup.bench.host_noise import missed_by_us
 from bringup.ros.graph import MODULES, run_graph
@@ -60,15 +61,9 @@ class Watch:
 def node_memory_mb() -> dict[str, float]:
     """Resident memory of each node that is a child of this process."""
     found = {}
-    for pid in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split():
-        try:
-            words = Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0")
-            pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
-        except OSError:
-            continue  # gone meanwhile
-        name = next((name for name, module in MODULES.items() if module in words), None)
-        if name is not None:
-            found[name] = pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+    for name, pid in node_pids().items():
+        with contextlib.suppress(OSError):  # gone meanwhile
+            found[name] = resident_mb(pid)
     return found
 
 

@@ -13,8 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from bringup.bench import loop_speed
+from bringup.bench.children import node_pids, resident_mb
 from bringup.bench.figure import Figure
 from bringup.bench.host_noise import missed_by_us
+from bringup.bench.recovery import recovery
 from bringup.errors import RunError
 from bringup.ros.graph import MODULES, GraphRun, run_graph
 from bringup.ros.processes import PARENT_VARIABLE, Domain, ros_environment
@@ -63,6 +65,8 @@ def bench(ticks: int = 1000, rounds: int = 3, realtime_s: float = 60.0, say: Say
         say("realtime at 10 Hz for 15 s: memory and processor time")
         use = _Use()
         _run(out, 15.0, 0.1, mode="realtime", progress=use.look)
+        say("realtime at 10 Hz for 40 s: nodes are killed")
+        recovered = recovery(out)
     speed, yardstick = statistics.median(graph), statistics.median(bare)
     p50, p99, most = fast.latency_ms
     figures = [
@@ -93,7 +97,7 @@ def bench(ticks: int = 1000, rounds: int = 3, realtime_s: float = 60.0, say: Say
         for name in MODULES
         if name in memory
     ]
-    return figures
+    return figures + recovered
 
 
 def _run(out: Path, duration_s: float, sample_time_s: float, **options: Any) -> GraphRun:
@@ -102,7 +106,7 @@ def _run(out: Path, duration_s: float, sample_time_s: float, **options: Any) -> 
 
 
 class _Use:
-    """Memory and processor time of this process's children, looked at while a run goes on."""
+    """Memory and processor time of the nodes that this process has started, looked at while a run goes on."""
 
     def __init__(self) -> None:
         self._first: tuple[float, float] | None = None
@@ -111,18 +115,14 @@ class _Use:
 
     def look(self, done: int, _ticks: int) -> None:
         """Take a look; a progress function of `run_graph`."""
-        pids = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
+        pids = node_pids()
         if done == 0 or len(pids) < len(MODULES):
             return
         seconds = 0.0
-        for pid in pids:
+        for name, pid in pids.items():
             fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
             seconds += (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-            command = Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0")
-            name = next((name for name, module in MODULES.items() if module in command), None)
-            if name is not None:
-                resident = int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-                self._memory[name] = max(self._memory.get(name, 0.0), resident / 2**20)
+            self._memory[name] = max(self._memory.get(name, 0.0), resident_mb(pid))
         self._last = (time.monotonic(), seconds)
         if self._first is None:
             self._first = self._last

@@ -9,7 +9,7 @@ from bringup.errors import RunError
 
 @click.command(
     epilog=examples(
-        "acftc bench # two minutes on a machine that does nothing else",
+        "acftc bench # three minutes on a machine that does nothing else",
         "acftc bench --realtime 10 --json > bench.json",
     ),
     short_help="Speed, start, latency, memory, measured.",
@@ -35,7 +35,7 @@ from bringup.errors import RunError
 def bench(realtime_s: float, ticks: int, as_json: bool) -> None:
     """Measure the graph beside a bare chain of processes that moves the same messages and computes nothing.
 
-    Takes some two minutes, and wants the machine for itself. Exit code 1 when a bar is missed.
+    Takes some three minutes, and wants the machine for itself. Exit code 1 when a bar is missed.
     """
     from bringup.bench.figures import as_dicts
     from bringup.bench.figures import bench as measure

@@ -29,8 +29,8 @@ from bringup.topics import BRINGUP, NAMESPACE, OCCASIONAL, PLANT, RECORDER, TOPI
 #: How often the processes are looked at while nothing comes in, s.
 LOOK_S = 0.05
 STUCK_S = 30.0
-#: Time between two reports of bringup itself, when there is something to report, s.
-REPORT_PERIOD_S = 1.0
+#: How often the graph is searched for strangers, and bringup itself reports when there is something to report, s.
+REPORT_PERIOD_S = 0.5
 #: How long after the last tick the recorder may take to have everything, s.
 RECORDER_PATIENCE_S = 10.0
 

@@ -1,4 +1,4 @@
-"""The paper's E5 and E6 whole, through the graph: the simulation's figures, on which `tests/controller` puts the bars."""
+"""The paper's E5 and E6 whole, through the graph: the simulation's figures (`tests/controller` has the bars)."""
 
 from pathlib import Path
 

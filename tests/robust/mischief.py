@@ -6,16 +6,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from bringup.ros.graph import MODULES
+from bringup.bench.children import node_pids
 
 
 def pid_of(node: str) -> int:
     """Process of a node that this process has started."""
-    children = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
-    for pid in children:
-        if MODULES[node] in Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0"):
-            return int(pid)
-    raise ProcessLookupError(node)
+    pids = node_pids()
+    if node not in pids:
+        raise ProcessLookupError(node)
+    return pids[node]
 
 
 def processes_that_mention(text: str) -> list[str]:
