@@ -16,19 +16,42 @@ from bringup.scenario import load
 
 pytestmark = pytest.mark.ros
 
-#: Publishes commands of a full-speed compressor with the right stamps, and text where pressures belong.
+#: Publishes commands of a full-speed compressor with the right stamps, text where pressures belong, and temperatures
+#: that claim to be of another version of their type: the hash that the middleware announces is changed in memory.
 INTRUDER = """
-import os, time
+import ctypes, os, time
 import rclpy
 from bringup.ros.cdr import packer, stamp_ns
 from bringup.ros.node_shell import LOOP_QOS, PLAIN_QOS
 from bringup.topics import BY_NAME
-from sensor_msgs.msg import FluidPressure, JointState
+from sensor_msgs.msg import FluidPressure, JointState, Temperature
 from std_msgs.msg import String
+
+class TypeSupport(ctypes.Structure):  # rosidl_message_type_support_t
+    _fields_ = [(name, ctypes.c_void_p) for name in ("identifier", "data", "func", "get_type_hash", "text", "sources")]
+
+def claim_another_version(message):
+    message.__class__.__import_type_support__()
+    capsule = message.__class__._TYPE_SUPPORT
+    api = ctypes.pythonapi
+    api.PyCapsule_GetName.restype, api.PyCapsule_GetName.argtypes = ctypes.c_char_p, [ctypes.py_object]
+    api.PyCapsule_GetPointer.restype = ctypes.c_void_p
+    api.PyCapsule_GetPointer.argtypes = [ctypes.py_object, ctypes.c_char_p]
+    generic = api.PyCapsule_GetPointer(capsule, api.PyCapsule_GetName(capsule))
+    find = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_char_p)(TypeSupport.from_address(generic).func)
+    special = find(generic, b"rosidl_typesupport_fastrtps_c")
+    kept = (ctypes.c_uint8 * 33)(1, *range(32))
+    function = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p)(lambda _: ctypes.addressof(kept))
+    for address in (generic, special):
+        TypeSupport.from_address(address).get_type_hash = ctypes.cast(function, ctypes.c_void_p).value
+    return function
+
+function = claim_another_version(Temperature)
 rclpy.init(args=[])
 node = rclpy.create_node("intruder", namespace="/ac")
 command = node.create_publisher(JointState, "controller/command", LOOP_QOS)
 words = node.create_publisher(String, "measured/evaporator_pressure", PLAIN_QOS)
+temperature = node.create_publisher(Temperature, "measured/superheat", LOOP_QOS)
 pack = packer(BY_NAME["controller/command"])
 def heard(data):
     command.publish(pack(stamp_ns(data), [600.0, 1.0]))
@@ -58,6 +81,7 @@ def test_second_publisher_is_reported_and_its_commands_are_left_alone(tmp_path: 
     said = " ".join(values["strangers"] for name, values in reports if name == "bringup")
     assert "foreign node /ac/intruder" in said
     assert "/ac/controller/command: second publisher /ac/intruder" in said
+    assert "/ac/measured/superheat: /ac/intruder has another version of sensor_msgs/msg/Temperature" in said
     assert "has type std_msgs/msg/String instead of sensor_msgs/msg/FluidPressure" in said
     (injector,) = [values for name, values in reports if name == "fault_injector"][-1:]
     assert int(injector["rejected/stranger"]) > 5
