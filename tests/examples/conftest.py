@@ -1,4 +1,4 @@
-"""A folder like the checkout's, where the examples write their results, on a ROS domain of its own."""
+"""A folder like the checkout's, where the examples write their results."""
 
 import os
 import shlex
@@ -23,12 +23,7 @@ def folder(tmp_path: Path) -> Path:
 @pytest.fixture
 def environment() -> dict[str, str]:
     path = f"{BIN}{os.pathsep}{os.environ['PATH']}"
-    return {
-        **os.environ,
-        "PATH": path,
-        "ROS_DOMAIN_ID": str(40 + os.getpid() % 20),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-    }
+    return {**os.environ, "PATH": path, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 
 
 Shell = Callable[..., str]

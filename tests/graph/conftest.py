@@ -1,13 +1,11 @@
-"""Real processes over real DDS, on a ROS domain of their own, and what helps to look at them."""
+"""Real processes over real DDS, and what helps to look at them."""
 
 import os
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any, Self
 
 import pytest
 import rclpy
-from hypothesis import settings
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import SetParameters
@@ -18,9 +16,6 @@ from std_srvs.srv import SetBool
 from bringup.ros.graph import GraphRun, run_graph
 from bringup.ros.processes import ros_environment
 from bringup.scenario import Scenario, check
-
-settings.register_profile("graph", deadline=None)  # the first message of a type takes its time
-settings.load_profile("graph")
 
 #: Two faults, noise and a moving reference within 12 s: every part of the loop has something to do.
 SHORT = {
@@ -34,18 +29,6 @@ SHORT = {
     ],
     "noise": {"evaporator_pressure_kpa": 0.02, "superheat_k": 0.02, "wall_temperature_k": 0.02, "seed": 7},
 }
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _own_domain() -> Iterator[None]:
-    """Keep out of the way of whatever else runs on this machine."""
-    before = os.environ.get("ROS_DOMAIN_ID")
-    os.environ["ROS_DOMAIN_ID"] = str(60 + os.getpid() % 40)
-    yield
-    if before is None:
-        del os.environ["ROS_DOMAIN_ID"]
-    else:
-        os.environ["ROS_DOMAIN_ID"] = before
 
 
 @pytest.fixture(scope="session")
@@ -103,17 +86,3 @@ class Operator:
 def operator() -> Iterator[Operator]:
     with Operator() as someone:
         yield someone
-
-
-def processes_that_mention(text: str) -> list[str]:
-    """Command lines of running processes that contain `text`."""
-    found = []
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdecimal() and int(entry.name) != os.getpid():
-            try:
-                line = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
-            except OSError:
-                continue  # gone meanwhile
-            if text in line:
-                found.append(line)
-    return found

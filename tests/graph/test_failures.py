@@ -8,7 +8,6 @@ import time
 from pathlib import Path
 
 import pytest
-from conftest import processes_that_mention
 from rosbags.highlevel import AnyReader
 
 from bringup.bags.reader import read_bag
@@ -16,6 +15,7 @@ from bringup.errors import BringupError, RunError
 from bringup.ros.graph import run_graph
 from bringup.ros.processes import Domain
 from bringup.scenario import Scenario, load
+from tests.processes import processes_that_mention
 
 pytestmark = pytest.mark.ros
 

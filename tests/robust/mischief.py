@@ -4,7 +4,6 @@ import os
 import signal
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from bringup.bench.children import node_pids
 
@@ -15,20 +14,6 @@ def pid_of(node: str) -> int:
     if node not in pids:
         raise ProcessLookupError(node)
     return pids[node]
-
-
-def processes_that_mention(text: str) -> list[str]:
-    """Command lines of other running processes that contain `text`."""
-    found = []
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdecimal() and int(entry.name) != os.getpid():
-            try:
-                line = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
-            except OSError:
-                continue  # gone meanwhile
-            if text in line:
-                found.append(line)
-    return found
 
 
 @dataclass

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mischief import Mischief, killing, processes_that_mention
+from mischief import Mischief, killing
 from rosbags.highlevel import AnyReader
 
 from bringup.bags.reader import health_reports, read_bag, read_raw
@@ -19,6 +19,7 @@ from bringup.ros.restarts import MOST
 from bringup.safe_command import COMMAND_HOLD_S, SAFE_RATE
 from bringup.scenario import check, load
 from bringup.topics import COMPENSATOR, CONTROLLER, FDI, INJECTOR, PLANT, RECORDER, SCENARIO
+from tests.processes import processes_that_mention
 
 pytestmark = pytest.mark.ros
 
