@@ -8,9 +8,8 @@ from importlib import import_module
 
 import yaml
 
-from bringup.ros.graph import MODULES, parameter_file
+from bringup.ros.modules import MODULES, module_of, parameter_file
 from bringup.ros.node_shell import COMMON, Parameter
-from bringup.ros.own_nodes import module_of
 
 
 def text(name: str) -> str:

@@ -11,7 +11,8 @@ from bringup.bags.reader import RawBag, decode, loop_messages, read_raw, run_of
 from bringup.designs import ATTACHMENT, DESIGNED
 from bringup.errors import BringupError, RunError
 from bringup.ros.cdr import restamped, stamp_ns
-from bringup.ros.graph import MODULES, node_arguments, node_parameters
+from bringup.ros.graph import node_arguments, node_parameters
+from bringup.ros.modules import MODULES
 from bringup.ros.processes import Child, Domain, ros_environment, start, stop
 from bringup.scenario import Scenario
 from bringup.software import plant, same_plant

@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from bringup.ros.graph import MODULES
+from bringup.ros.modules import MODULES
 
 
 def node_pids() -> dict[str, int]:

@@ -22,7 +22,8 @@ from bringup.bags.reader import health_reports, read_bag, read_raw
 from bringup.bench.children import node_pids, resident_mb
 from bringup.bench.figures import host_noise, start_host_noise
 from bringup.bench.host_noise import missed_by_us
-from bringup.ros.graph import MODULES, run_graph
+from bringup.ros.graph import run_graph
+from bringup.ros.modules import MODULES
 from bringup.scenario import check
 from bringup.topics import NAMESPACE, TOPICS
 

@@ -18,7 +18,8 @@ from bringup.bench.figure import Figure
 from bringup.bench.host_noise import missed_by_us
 from bringup.bench.recovery import recovery
 from bringup.errors import RunError
-from bringup.ros.graph import MODULES, GraphRun, run_graph
+from bringup.ros.graph import GraphRun, run_graph
+from bringup.ros.modules import MODULES
 from bringup.ros.processes import PARENT_VARIABLE, Domain, ros_environment
 from bringup.scenario import load
 from bringup.topics import PLANT, RECORDER

@@ -9,7 +9,8 @@ from types import TracebackType
 from typing import Any, Self
 
 from bringup.errors import BringupError, one_line
-from bringup.ros.graph import ACTIVATION_ORDER, MODULES, node_arguments, node_parameters
+from bringup.ros.graph import ACTIVATION_ORDER, node_arguments, node_parameters
+from bringup.ros.modules import MODULES
 from bringup.ros.processes import Child, Domain, ros_environment, start, stop
 from bringup.scenario import check
 from bringup.topics import PLANT, RECORDER

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,6 +18,7 @@ import yaml
 from bringup.bags.recorder import mend
 from bringup.designs import DESIGNED
 from bringup.errors import BringupError, InterruptedRunError, RunError
+from bringup.ros.modules import MODULES, parameter_file
 from bringup.ros.own_nodes import OwnNodes
 from bringup.ros.processes import Child, Domain, ros_environment, start, stop
 from bringup.ros.restarts import Restart
@@ -39,16 +39,6 @@ from bringup.topics import (
 Mode = Literal["lockstep", "realtime"]
 Progress = Callable[[int, int], None]
 
-#: Module of each node, in the order in which they are started: the ones that take longest first.
-MODULES = {
-    PLANT: "ac_plant_node",
-    SCENARIO: "bringup.scenario_node",
-    FDI: "fdi_node",
-    COMPENSATOR: "gimc_controller_node.compensator_node",
-    CONTROLLER: "gimc_controller_node",
-    INJECTOR: "fault_injector_node",
-    RECORDER: "bringup.recorder_node",
-}
 #: The plant beats time, so it goes last: everyone else must be listening by then.
 ACTIVATION_ORDER = (RECORDER, CONTROLLER, COMPENSATOR, FDI, INJECTOR, SCENARIO, PLANT)
 #: SCHED_FIFO priority of the loop's nodes on the wall clock: above everything normal, below the kernel's own threads.
@@ -268,15 +258,6 @@ def node_arguments(
 
 def _how_to_start(name: str, arguments: list[str], domain: int) -> str:
     return f"waiting for node {NAMESPACE}/{name}; ours would be: ROS_DOMAIN_ID={domain} python {shlex.join(arguments)}"
-
-
-def parameter_file(module: str) -> Path:
-    """Where the parameter file of a node is, given what `python -m` starts: beside the module that holds its code."""
-    spec = find_spec(module)
-    if spec is None or spec.origin is None:
-        raise ModuleNotFoundError(module)
-    origin = Path(spec.origin)
-    return origin.with_name("node.yaml") if origin.name == "__init__.py" else origin.with_suffix(".yaml")
 
 
 def _prepare(out_dir: Path) -> None:

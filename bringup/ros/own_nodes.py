@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from bringup.errors import BringupError
+from bringup.ros.modules import MODULES, module_of
 from bringup.topics import COMPENSATOR, CONTROLLER, FDI, INJECTOR, NAMESPACE, PLANT, RECORDER, SCENARIO
 
 if TYPE_CHECKING:
@@ -82,11 +83,6 @@ def own_nodes(
     return chosen
 
 
-def module_of(start: str) -> str:
-    """Module in which a node's class is, given what ``python -m`` starts."""
-    return start if start.endswith("_node") and "." in start else f"{start}.node"
-
-
 def _known(name: str, where: str) -> None:
     if name not in REPLACEABLE:
         near = difflib.get_close_matches(name, REPLACEABLE, n=1)
@@ -134,7 +130,6 @@ def _check_file(file: Path, strange: Sequence[str]) -> None:
 
 
 def _check_names(file: Path, key: str, values: Mapping[str, Any], name: str) -> None:
-    from bringup.ros.graph import MODULES
     from bringup.ros.node_shell import COMMON
 
     declared: Sequence[Parameter] = import_module(module_of(MODULES[name])).PARAMETERS

@@ -36,8 +36,8 @@ from bringup.bags.reader import health_reports, read_bag, read_raw, run_of
 from bringup.bags.recorder import BagWriter, RecordedTopic
 from bringup.bags.replay import _by_tick, _design, _parameters
 from bringup.designs import design_of, from_file, to_bytes
-from bringup.ros.graph import MODULES, parameter_file
 from bringup.ros.health import health_of
+from bringup.ros.modules import MODULES, parameter_file
 from bringup.scenario import BUILT_IN, load, program
 from bringup.summary import summarise
 from bringup.topics import FDI

@@ -5,7 +5,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from bringup.profiles import PROFILES
-from bringup.ros.graph import MODULES
+from bringup.ros.modules import MODULES
 from bringup.ros.node_shell import Parameter
 from bringup.topics import BY_NAME
 from fault_injector_node.node import PARAMETERS

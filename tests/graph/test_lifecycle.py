@@ -10,7 +10,8 @@ from lifecycle_msgs.msg import Transition
 from bringup.bags.feeder import Feeder
 from bringup.bags.reader import read_bag
 from bringup.ros.cdr import packer
-from bringup.ros.graph import MODULES, node_arguments, run_graph
+from bringup.ros.graph import node_arguments, run_graph
+from bringup.ros.modules import MODULES
 from bringup.ros.processes import ros_environment, start, stop
 from bringup.ros.supervisor import Supervisor
 from bringup.scenario import load

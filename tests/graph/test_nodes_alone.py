@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bringup.ros.graph import MODULES
+from bringup.ros.modules import MODULES
 from bringup.ros.processes import ros_environment, start, stop
 from bringup.ros.supervisor import Supervisor
 from bringup.topics import FDI, RECORDER

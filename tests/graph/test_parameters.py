@@ -4,7 +4,7 @@ import pytest
 import yaml
 
 from bringup.parameter_files import text
-from bringup.ros.graph import MODULES, parameter_file
+from bringup.ros.modules import MODULES, parameter_file
 
 
 @pytest.mark.parametrize("name", MODULES)

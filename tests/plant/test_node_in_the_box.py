@@ -12,7 +12,8 @@ from ac_plant_node import Plant
 from ac_plant_node.plant import INPUT_HIGH, INPUT_LOW
 from bringup.bags.feeder import Feeder
 from bringup.ros.cdr import columns, packer
-from bringup.ros.graph import MODULES, node_arguments
+from bringup.ros.graph import node_arguments
+from bringup.ros.modules import MODULES
 from bringup.ros.processes import Domain, ros_environment, start, stop
 from bringup.ros.supervisor import Supervisor
 from bringup.topics import BY_NAME, PLANT

@@ -14,8 +14,9 @@ from rclpy.node import Publisher
 from bringup.bags.reader import decode
 from bringup.ros.cdr import packer, stamp_ns
 from bringup.ros.frozen import FROZEN_S, Frozen
-from bringup.ros.graph import MODULES, node_arguments
+from bringup.ros.graph import node_arguments
 from bringup.ros.messages import message_class
+from bringup.ros.modules import MODULES
 from bringup.ros.node_shell import LOOP_QOS
 from bringup.ros.processes import ros_environment, start, stop
 from bringup.ros.supervisor import Supervisor
