@@ -12,9 +12,8 @@ import sys
 import time
 from collections.abc import Iterable, Sequence
 
-from bringup.ros.node_shell import set_priority, sleep_until
 from bringup.ros.processes import end_with_parent
-from bringup.ros.realtime import Latencies
+from bringup.ros.realtime import Latencies, set_priority, sleep_until
 
 #: Above the loop's.
 PRIORITY = 30

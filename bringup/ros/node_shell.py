@@ -4,7 +4,6 @@ A node is a thin shell around pure step functions: it names its parameters, buil
 says with `on_tick` which topics make up a tick's input and what to do then.
 """
 
-import ctypes
 import errno
 import gc
 import json
@@ -14,7 +13,6 @@ import sys
 import threading
 import time
 import traceback
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,8 +41,9 @@ from bringup.ros.arguments import ArgumentError, init
 from bringup.ros.cdr import Packer, packer
 from bringup.ros.inputs import Gate, LoopInputs, Subscriptions
 from bringup.ros.messages import message_class
+from bringup.ros.own_health import Health
 from bringup.ros.processes import DISK_FULL, end_with_parent
-from bringup.ros.realtime import Care
+from bringup.ros.realtime import Care, set_priority, sleep_until
 from bringup.ros.ticks import TickSet, Timeline, WallClockSet
 from bringup.sample_time import DEFAULT_SAMPLE_TIME_S, LONGEST_SAMPLE_TIME_S, SHORTEST_SAMPLE_TIME_S
 from bringup.topics import BY_NAME, OCCASIONAL, TOPICS, Topic
@@ -154,60 +153,6 @@ MEMORY_PERIOD_S, MEMORY_AGE_S = 0.5, 30.0
 DESIGN_FILE = Parameter("design_file", "", "file with a design of your own (.npz); empty: that of the operating point")
 
 DESIGN_COPY = Parameter("design_copy", "", "where to leave a copy of the design in use; empty: nowhere")
-
-
-class Health:
-    """What a node has to say on /diagnostics about its own work since the last report."""
-
-    def __init__(self) -> None:
-        self.ticks = 0
-        self.rejected: Counter[str] = Counter()  # by reason
-        self.last_rejected = ""
-        self.mode = ""  # what the node does other than usual
-        self._announced: list[tuple[float, str]] = []
-        self.overruns = 0  # ticks whose own work took longer than a sample time
-        self.longest_s = 0.0
-        self._latencies_s: list[float] = []
-        self._last_input_s = math.nan
-        self._reported = (time.monotonic(), 0)
-
-    def worked(self, started_s: float, budget_s: float = math.inf) -> None:
-        """Count one tick whose inputs were complete at `started_s` (monotonic clock); the watchdog of the loop.
-
-        A tick that took longer than `budget_s` is an overrun.
-        """
-        took_s = time.monotonic() - started_s
-        self.ticks += 1
-        self.overruns += took_s > budget_s
-        self.longest_s = max(self.longest_s, took_s)
-        self._last_input_s = started_s
-        self._latencies_s.append(took_s)
-
-    def announce(self, time_s: float, text: str) -> None:
-        """Have a change of what the node does (at a tick's time) in the next report."""
-        self._announced.append((time_s, text))
-
-    def report(self) -> dict[str, str]:
-        """Figures since the last call."""
-        now = time.monotonic()
-        since, ticks = self._reported
-        self._reported = (now, self.ticks)
-        latencies, self._latencies_s = sorted(self._latencies_s), []
-        announced, self._announced = self._announced, []
-        return {
-            "ticks": str(self.ticks),
-            "rate_hz": f"{(self.ticks - ticks) / max(now - since, 1e-9):.1f}",
-            "latency_p50_ms": f"{1e3 * latencies[len(latencies) // 2]:.3f}" if latencies else "nan",
-            "latency_max_ms": f"{1e3 * latencies[-1]:.3f}" if latencies else "nan",
-            "overruns": str(self.overruns),
-            "longest_tick_ms": f"{1e3 * self.longest_s:.3f}",
-            "input_age_s": f"{now - self._last_input_s:.3f}",
-            "rejected_inputs": str(self.rejected.total()),
-            "last_rejected": self.last_rejected,
-            **{f"rejected/{reason}": str(n) for reason, n in sorted(self.rejected.items())},
-            "mode": self.mode,
-            "announced": json.dumps(announced),
-        }
 
 
 class NodeShell(LifecycleNode):  # type: ignore[misc]
@@ -615,13 +560,6 @@ def _run(make: Callable[[], NodeShell], made: list[NodeShell]) -> int:
         return _report(node, problem)
 
 
-def sleep_until(monotonic_s: float) -> None:
-    """Sleep until an absolute time of the monotonic clock, which no delay on the way there can shift."""
-    seconds = int(monotonic_s)
-    time_ = _Timespec(seconds, int((monotonic_s - seconds) * 1e9))
-    _LIBC.clock_nanosleep(time.CLOCK_MONOTONIC, _TIMER_ABSTIME, ctypes.byref(time_), None)
-
-
 def _report(node: NodeShell | None, problem: Exception) -> int:
     """Say why the node ends: the traceback for us, then one line for the user; its exit code."""
     try:
@@ -631,25 +569,6 @@ def _report(node: NodeShell | None, problem: Exception) -> int:
     except OSError:  # the log is on the disk that is full; what could not be said must not be tried again at exit
         sys.stderr = Path(os.devnull).open("w")  # noqa: SIM115
     return DISK_FULL if isinstance(problem, OSError) and problem.errno == errno.ENOSPC else 1
-
-
-def set_priority(priority: int) -> str:
-    """Schedule all threads of this process by SCHED_FIFO (0: normally); what has come of it."""
-    policy = os.SCHED_FIFO if priority > 0 else os.SCHED_OTHER
-    try:
-        for thread in Path("/proc/self/task").iterdir():  # the middleware's threads, too
-            os.sched_setscheduler(int(thread.name), policy, os.sched_param(priority))
-    except OSError as problem:
-        return f"normal ({problem.strerror})"
-    return f"SCHED_FIFO {priority}" if priority > 0 else "normal"
-
-
-class _Timespec(ctypes.Structure):
-    _fields_ = (("tv_sec", ctypes.c_long), ("tv_nsec", ctypes.c_long))
-
-
-_LIBC = ctypes.CDLL(None, use_errno=True)
-_TIMER_ABSTIME = 1
 
 
 def _nothing(message: Any) -> None:

@@ -1,4 +1,4 @@
-"""What the operating system can do for a loop on the wall clock, off unless asked for, and what has come of it.
+"""What the operating system can do for a loop on the wall clock, most of it off unless asked for.
 
 A node says in its health report (``realtime_care``) what it has got; a system that does not permit it is no failure.
 """
@@ -8,6 +8,7 @@ import ctypes
 import math
 import os
 import struct
+import time
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +60,24 @@ class Care:
         return "processors kept awake"
 
 
+def sleep_until(monotonic_s: float) -> None:
+    """Sleep until an absolute time of the monotonic clock, which no delay on the way there can shift."""
+    seconds = int(monotonic_s)
+    time_ = _Timespec(seconds, int((monotonic_s - seconds) * 1e9))
+    _LIBC.clock_nanosleep(time.CLOCK_MONOTONIC, _TIMER_ABSTIME, ctypes.byref(time_), None)
+
+
+def set_priority(priority: int) -> str:
+    """Schedule all threads of this process by SCHED_FIFO (0: normally); what has come of it."""
+    policy = os.SCHED_FIFO if priority > 0 else os.SCHED_OTHER
+    try:
+        for thread in Path("/proc/self/task").iterdir():  # the middleware's threads, too
+            os.sched_setscheduler(int(thread.name), policy, os.sched_param(priority))
+    except OSError as problem:
+        return f"normal ({problem.strerror})"
+    return f"SCHED_FIFO {priority}" if priority > 0 else "normal"
+
+
 class Latencies:
     """Quantiles of many durations in a fixed amount of memory: logarithmic bins, 2.3 % wide, from 1 us to 1000 s."""
 
@@ -86,4 +105,9 @@ class Latencies:
         return min(middle_s, self._largest_s)
 
 
+class _Timespec(ctypes.Structure):
+    _fields_ = (("tv_sec", ctypes.c_long), ("tv_nsec", ctypes.c_long))
+
+
 _LIBC = ctypes.CDLL(None, use_errno=True)
+_TIMER_ABSTIME = 1

@@ -20,7 +20,7 @@ from bringup.bench.endurance import COLUMNS, growth_mb, main, missing_messages, 
 from bringup.bench.host_noise import missed_by_us
 from bringup.ros import realtime
 from bringup.ros.health import health_of
-from bringup.ros.node_shell import Health
+from bringup.ros.own_health import Health
 from bringup.ros.realtime import Care, Latencies
 from bringup.topics import PRESSURE
 
