@@ -490,6 +490,8 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
             started_s = time.monotonic()
             act(*arguments)
             self.health.worked(started_s, budget_s)
+            if self.health.ticks == 1:
+                self.soon(self.report_health)  # it is in service
 
         return timed
 
