@@ -27,6 +27,7 @@ FAULTS = ("compressor_speed", "evaporator_pressure")
 PLANT, INJECTOR, FDI, COMPENSATOR, CONTROLLER = "ac_plant", "fault_injector", "fdi", "compensator", "gimc_controller"
 SCENARIO, RECORDER = "scenario", "recorder"
 BRINGUP = "bringup"
+PAGE = "dash"
 
 
 #: What the value of a joint can be [rad/s, 0..1, kg/s]: the compressor's 6000 rpm and a fault on top.

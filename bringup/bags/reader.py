@@ -5,7 +5,7 @@ import math
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from io import BytesIO
 from pathlib import Path
 from typing import Any, Literal
@@ -24,6 +24,7 @@ from bringup.errors import BringupError, shortened
 from bringup.recording import Recording, StatusRow
 from bringup.ros.cdr import NANOSECONDS, columns, read_diagnostics, stamp_ns, stamps_ns, status_row
 from bringup.ros.health import health_of
+from bringup.ros.restarts import read_restarts
 from bringup.scenario import Scenario, check
 from bringup.topics import BRINGUP, BY_NAME, DIAGNOSTICS, NAMESPACE, OCCASIONAL, PLANT, Topic
 
@@ -166,7 +167,9 @@ def read_bag(bag: Path | str) -> Recording:
     recording.metadata = {**run, "complete": raw.complete and ticks == run["ticks"], "unreadable": sent - kept - after}
     recording.metadata.update(_timing(_last_health(raw, PLANT)))
     recording.metadata["overruns"] = {node.name: node.overruns for node in health_of(health_reports(raw))}
-    recording.metadata["restarts"] = _restarts(_last_health(raw, BRINGUP))
+    recording.metadata["restarts"] = [
+        asdict(restart) for restart in read_restarts(_last_health(raw, BRINGUP).get("restarts", "[]"))
+    ]
     recording.metadata["events"] = _events(raw, first, scenario.ticks * tick_ns)
     return recording
 
@@ -229,14 +232,6 @@ def _timing(health: dict[str, str]) -> dict[str, Any]:
         }
     except (KeyError, ValueError):
         return {}
-
-
-def _restarts(health: dict[str, str]) -> list[dict[str, Any]]:
-    """Nodes that bringup had to start again, as its last report tells them."""
-    try:
-        return [dict(restart) for restart in json.loads(health["restarts"])]
-    except (KeyError, ValueError, TypeError):
-        return []
 
 
 def _events(raw: RawBag, first: int, duration_ns: int) -> list[dict[str, Any]]:

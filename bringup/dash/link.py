@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Coroutine, Iterable, Mapping
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from typing import Any
 
 import rclpy
@@ -34,8 +35,21 @@ from bringup.ros.graph import ACTIVATION_ORDER
 from bringup.ros.inputs import Gate, Subscriptions
 from bringup.ros.messages import message_class
 from bringup.ros.node_shell import PLAIN_QOS
+from bringup.ros.restarts import read_restarts
 from bringup.scenario_node import OFFSETS
-from bringup.topics import BY_NAME, COMPENSATOR, DIAGNOSTICS, FAULTS, INJECTOR, NAMESPACE, PLANT, RECORDER, SCENARIO
+from bringup.topics import (
+    BRINGUP,
+    BY_NAME,
+    COMPENSATOR,
+    DIAGNOSTICS,
+    FAULTS,
+    INJECTOR,
+    NAMESPACE,
+    PAGE,
+    PLANT,
+    RECORDER,
+    SCENARIO,
+)
 from fault_injector_node.node import PARAMETERS as INJECTOR_PARAMETERS
 
 #: Never holds a publisher up; deep enough for the bursts of a lockstep run.
@@ -46,9 +60,6 @@ WAIT_S = 0.02
 GONE_S = 3.5
 #: How long a node may take to answer a control, s.
 ANSWER_S = 10.0
-#: Name of the page's node, under the loop's namespace.
-NODE = "dash"
-
 #: Parameters that the page shows, or needs to know what it may offer.
 WATCHED = {
     PLANT: ("operating_point", "mode", "sample_time_s"),
@@ -83,6 +94,7 @@ class View:
     status: StatusRow | None
     plant: Mapping[str, str]
     parameters: Mapping[str, Mapping[str, Any]]
+    restarting: tuple[str, ...]  # nodes that have died and are not back in service
 
     @property
     def may_reconfigure(self) -> bool:
@@ -100,6 +112,8 @@ class _Heard:
     asked: set[str] = field(default_factory=set)
     status: StatusRow | None = None
     live_faults: frozenset[str] = frozenset()
+    restarting: tuple[str, ...] = ()
+    restarts: list[str] = field(default_factory=list)  # what bringup has told of them
     message: str = ""
     failed: bool = False
 
@@ -132,7 +146,7 @@ class Link:
         self._context = rclpy.Context()
         rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO, args=[], domain_id=domain)
         self._node = rclpy.create_node(
-            NODE, namespace=NAMESPACE, context=self._context, start_parameter_services=False, enable_rosout=False
+            PAGE, namespace=NAMESPACE, context=self._context, start_parameter_services=False, enable_rosout=False
         )
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
@@ -177,6 +191,7 @@ class Link:
             status=heard.status,
             plant=plant,
             parameters=parameters,
+            restarting=heard.restarting if self._is_there(BRINGUP) else (),
         )
 
     def say(self, message: str, failed: bool = False) -> None:
@@ -379,12 +394,24 @@ class Link:
                 self._heard.asked.discard(name)  # it has just come: its parameters may be others
             self._heard.health[name] = {item.key: item.value for item in status.values}
             self._heard.heard_s[name] = time.monotonic()
+            if name == BRINGUP:
+                self._hear_of_restarts(self._heard.health[name].get("restarts", "[]"))
             if name == INJECTOR:
                 said = self._heard.health[name].get("live_faults", "")
                 self._heard.live_faults = frozenset(fault for fault in FAULTS if fault in said)
             if name in WATCHED and name not in self._heard.asked:
                 self._heard.asked.add(name)
                 self._jobs.put(self._get(name))
+
+    def _hear_of_restarts(self, text: str) -> None:
+        restarts = read_restarts(text)
+        self._heard.restarting = tuple(restart.node for restart in restarts if not restart.is_back)
+        told = [f"{restart.node} {restart}" for restart in restarts]
+        if told != self._heard.restarts:
+            new = next(new for new, old in zip_longest(told, self._heard.restarts) if new != old)
+            self._heard.restarts = told
+            if new is not None:
+                self.say(new)
 
     def _hear_parameters(self, event: ParameterEvent) -> None:
         name = event.node.rsplit("/", 1)[-1]

@@ -8,8 +8,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from bringup.errors import BringupError, one_line
-from bringup.ros.graph import ACTIVATION_ORDER, node_arguments, node_parameters
+from bringup.errors import BringupError, RunError, one_line
+from bringup.ros.graph import ACTIVATION_ORDER, node_arguments, node_parameters, start_again
 from bringup.ros.modules import MODULES
 from bringup.ros.processes import Child, Domain, ros_environment, start, stop
 from bringup.scenario import check
@@ -26,6 +26,8 @@ AT_REST = {"name": "live", "description": "At rest until somebody does something
 class OwnGraph:
     """Starts the nodes at once, activates them in the background, and watches them; a context manager.
 
+    A node that dies is started again, as in a run on the wall clock.
+
     Parameters
     ----------
     domain : Domain
@@ -36,7 +38,7 @@ class OwnGraph:
     Attributes
     ----------
     problem : str
-        One line, when a node has died or would not start; else empty.
+        One line, when a node would not start, or has died more often than it is started again; else empty.
     """
 
     def __init__(self, domain: Domain, point: str = "med") -> None:
@@ -45,23 +47,21 @@ class OwnGraph:
         self._scenario = check({**AT_REST, "operating_point": point})
         self._folder = tempfile.TemporaryDirectory(prefix="acftc-dash-")
         self._children: dict[str, Child] = {}
+        self._environment = {**ros_environment(), "ROS_DOMAIN_ID": str(domain.number)}
+        self._parameters: dict[str, dict[str, Any]] = {}
         self._ends = threading.Event()
         self._thread: threading.Thread | None = None
 
     def __enter__(self) -> Self:
         # Processes first, and from this thread: a child ends with the thread that has started it.
-        environment = {**ros_environment(), "ROS_DOMAIN_ID": str(self._domain.number)}
-        log = Path(self._folder.name) / "log"
-        log.mkdir()
-        parameters: dict[str, dict[str, Any]] = node_parameters(
-            self._scenario, Path(self._folder.name), "realtime", passive=False
-        )
-        parameters[PLANT]["ticks"] = 0  # it never stops
+        self._log.mkdir()
+        self._parameters = node_parameters(self._scenario, Path(self._folder.name), "realtime", passive=False)
+        self._parameters[PLANT]["ticks"] = 0  # it never stops
         for name, module in MODULES.items():
             if name != RECORDER:
-                arguments = node_arguments(module, name, parameters[name], log)
-                self._children[name] = start(name, arguments, log, environment)
-        self._thread = threading.Thread(target=self._manage, args=(environment,), name="own graph", daemon=True)
+                arguments = node_arguments(module, name, self._parameters[name], self._log)
+                self._children[name] = start(name, arguments, self._log, self._environment)
+        self._thread = threading.Thread(target=self._manage, name="own graph", daemon=True)
         self._thread.start()
         return self
 
@@ -69,18 +69,30 @@ class OwnGraph:
         self, kind: type[BaseException] | None, problem: BaseException | None, where: TracebackType | None
     ) -> None:
         self._ends.set()
-        stop(list(self._children.values()))
+        stop(list(self._children.values()))  # this also ends a wait for them to get ready
         if self._thread is not None:
             self._thread.join()
+        stop(list(self._children.values()))  # one that was just being started again
         self._folder.cleanup()
         self._domain.release()
 
-    def _manage(self, environment: dict[str, str]) -> None:
-        """Bring the nodes to life, then see whether they stay alive."""
+    @property
+    def _log(self) -> Path:
+        return Path(self._folder.name) / "log"
+
+    def _revive(self, name: str, changed: dict[str, Any]) -> Child:
+        if self._ends.is_set():
+            msg = "the page is being closed"
+            raise RunError(msg)
+        self._children[name] = start_again(name, {**self._parameters[name], **changed}, self._log, self._environment)
+        return self._children[name]
+
+    def _manage(self) -> None:
+        """Bring the nodes to life, then see that they stay alive."""
         from bringup.ros.supervisor import Supervisor
 
         try:
-            with Supervisor(self._children, environment) as supervisor:
+            with Supervisor(self._children, self._environment, revive=self._revive) as supervisor:
                 supervisor.activate([name for name in ACTIVATION_ORDER if name in self._children])
                 while not self._ends.is_set():
                     supervisor.spin()

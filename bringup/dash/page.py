@@ -194,7 +194,11 @@ def lamps(view: View, problem: str) -> str:
         "over": ("wait", "the run is over"),
         "absent": ("bad", "no graph to be seen"),
     }
-    kind, word = ("bad", "a node has failed") if problem else phases[view.phase]
+    kind, word = phases[view.phase]
+    if view.restarting:
+        kind, word = "warn", f"restarting {', '.join(view.restarting)}"
+    if problem:
+        kind, word = "bad", "a node has failed"
     parts = [_lamp("phase", True, kind, word)]
     status = view.status if view.phase in ("running", "paused", "over") else None
     detected = status is not None and status.detected

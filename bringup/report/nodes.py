@@ -11,6 +11,7 @@ import numpy as np
 from bringup.bags.reader import RawBag
 from bringup.report.charts import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, Chart, Curve, spaced
 from bringup.ros.cdr import NANOSECONDS, read_diagnostics, stamp_ns
+from bringup.ros.restarts import read_restarts
 from bringup.topics import BRINGUP, COMPENSATOR, CONTROLLER, FDI, INJECTOR, NAMESPACE, PLANT, RECORDER, SCENARIO
 
 #: Node by node in the order of the loop, each with its look.
@@ -103,7 +104,8 @@ def events_of(reports: Sequence[Report], first_tick_s: float = 0.0) -> list[Even
             events.append(Event(report.time_s, report.node, f"no longer active: {state}"))
         last[report.node] = report
     if BRINGUP in last:
-        events += _restarts(last[BRINGUP])
+        restarts = read_restarts(last[BRINGUP].values.get("restarts", "[]"))
+        events += [Event(restart.died_s, restart.node, str(restart)) for restart in restarts]
     return sorted(events, key=lambda event: event.time_s)
 
 
@@ -147,18 +149,6 @@ def _curve(reports: Sequence[Report], node: str, key: str) -> Curve | None:
     x, y = np.array(points).T
     colour, dash = _LOOKS[node]
     return Curve(x, y, node, colour, dash, 1.4, digits=".3g")
-
-
-def _restarts(report: Report) -> Iterator[Event]:
-    """Nodes that bringup started again, from its last report, which tells them all."""
-    try:
-        for restart in json.loads(report.values.get("restarts", "[]")):
-            died_s = float(restart["died_s"])
-            back_s = float(restart["back_s"])
-            then = f"back in service {back_s - died_s:.1f} s later" if math.isfinite(back_s) else "not back in service"
-            yield Event(died_s, str(restart["node"]), f"died ({restart['reason']}) and was started again; {then}")
-    except (ValueError, TypeError, KeyError):
-        return
 
 
 def _announced(report: Report, first_tick_s: float) -> Iterator[Event]:

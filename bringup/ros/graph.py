@@ -128,11 +128,8 @@ def run_graph(
                 managed = {**children, **dict.fromkeys(own.by_hand)}
 
                 def revive(name: str, changed: dict[str, Any]) -> Child:
-                    again = {**parameters[name], **changed, "autostart": True}
-                    again |= {"append": True} if name == RECORDER else {}
-                    arguments = node_arguments(MODULES[name], name, again, out_dir / "log", own)
-                    program, *_ = own.commands.get(name, (sys.executable,))
-                    children[name] = start(name, arguments, out_dir / "log", environment, program, append=True)
+                    again = {**parameters[name], **changed}
+                    children[name] = start_again(name, again, out_dir / "log", environment, own)
                     return children[name]
 
                 # In lockstep nothing may be lost: there a dead node is the end of the run.
@@ -254,6 +251,21 @@ def node_arguments(
         files += ["--params-file", str(own.params_file)]
     _, *arguments = own.commands.get(name, (sys.executable, "-m", module))
     return [*arguments, "--ros-args", "-r", f"__ns:={NAMESPACE}", *files, "--disable-external-lib-logs"]
+
+
+def start_again(
+    name: str,
+    parameters: Mapping[str, Any],
+    folder: Path,
+    environment: Mapping[str, str],
+    own: OwnNodes | None = None,
+) -> Child:
+    """Start a node that has died: it brings itself to life, goes on in its log, and the recorder in its bag."""
+    own = own or OwnNodes()
+    again = {**parameters, "autostart": True, **({"append": True} if name == RECORDER else {})}
+    arguments = node_arguments(MODULES[name], name, again, folder, own)
+    program, *_ = own.commands.get(name, (sys.executable,))
+    return start(name, arguments, folder, environment, program, append=True)
 
 
 def _how_to_start(name: str, arguments: list[str], domain: int) -> str:

@@ -1,5 +1,7 @@
 """How often a dead node is started again, and after which wait: plain bookkeeping."""
 
+import json
+import math
 from dataclasses import dataclass, field
 
 #: A node that dies more often than `MOST` times within `WINDOW_S` ends the run.
@@ -23,6 +25,27 @@ class Restart:
     died_s: float
     reason: str
     back_s: float = float("nan")
+
+    @property
+    def is_back(self) -> bool:
+        """Whether the node is back in service."""
+        return math.isfinite(self.back_s)
+
+    def __str__(self) -> str:
+        """What happened, in words, without the node's name."""
+        then = f"back in service {self.back_s - self.died_s:.1f} s later" if self.is_back else "not back in service"
+        return f"died ({self.reason}) and was started again; {then}"
+
+
+def read_restarts(text: str) -> list[Restart]:
+    """All restarts of bringup's health report, in order; none where it holds something else."""
+    try:
+        return [
+            Restart(str(item["node"]), float(item["died_s"]), str(item["reason"]), float(item["back_s"]))
+            for item in json.loads(text)
+        ]
+    except (ValueError, TypeError, KeyError):
+        return []
 
 
 @dataclass

@@ -24,7 +24,7 @@ from bringup.ros.node_shell import PLAIN_QOS
 from bringup.ros.own_nodes import OwnNodes
 from bringup.ros.processes import Child
 from bringup.ros.restarts import Restart, RestartPolicy
-from bringup.topics import BRINGUP, NAMESPACE, OCCASIONAL, PLANT, RECORDER, TOPICS, Topic
+from bringup.topics import BRINGUP, NAMESPACE, OCCASIONAL, PAGE, PLANT, RECORDER, TOPICS, Topic
 
 #: How often the processes are looked at while nothing comes in, s.
 LOOK_S = 0.05
@@ -376,7 +376,7 @@ class Supervisor:
 
     def _look_for_strangers(self) -> list[str]:
         """Nodes and publishers that do not belong to this graph, one line each."""
-        known = {*self._children, BRINGUP}
+        known = {*self._children, BRINGUP, PAGE}
         found = [
             f"foreign node {NAMESPACE}/{name}"
             for name, namespace in sorted(set(self.node.get_node_names_and_namespaces()))

@@ -4,6 +4,8 @@ import math
 import os
 import re
 import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -21,6 +23,7 @@ expect.set_options(timeout=PATIENCE_S * 1e3)
 FIRST_TIME_S = 500.0
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(2 * FIRST_TIME_S)]
 
+ROOT = Path(__file__).parents[2]
 DOMAIN = 20 + os.getpid() % 20
 
 
@@ -35,6 +38,7 @@ def page(browser: Browser) -> Iterator[Page]:
     """One page with a graph of its own, and all that the browser asked anybody for."""
     with acftc("dash", "--no-browser", domain=DOMAIN) as (url, process):
         page = new_page(browser)
+        page.server = process.pid
         page.asked = []
         page.complaints = []
         page.on("request", lambda request: page.asked.append(request.url))
@@ -47,6 +51,16 @@ def page(browser: Browser) -> Iterator[Page]:
         until(lambda: newest(page, "t") > 0.0, "no row has come")
         yield page
         assert process.poll() is None
+
+
+@pytest.fixture(scope="module")
+def own_plant(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The car of docs/how-to/own-car.md: another refrigerant, other points."""
+    target = tmp_path_factory.mktemp("car") / "own_car.yaml"
+    examples = ["--points", "examples/own_points.yaml", "--parameters", "examples/own_car.yaml"]
+    command = [sys.executable, "-m", "bringup.cli", "calibrate", *examples, "--out", str(target)]
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+    return target
 
 
 def lamp(page: Page, name: str) -> Locator:
@@ -139,6 +153,26 @@ def test_a_paused_loop_stands_still_and_goes_on(page: Page) -> None:
     until(lambda: newest(page, "t") > stopped, "it does not go on")
 
 
+def kill(page: Page, module: str) -> None:
+    """End a node of the page's own graph as the out-of-memory killer would."""
+    tasks = Path(f"/proc/{page.server}/task").glob("*/children")  # a child belongs to the thread that has started it
+    children = [pid for task in tasks for pid in task.read_text().split()]
+    (pid,) = [pid for pid in children if module in Path(f"/proc/{pid}/cmdline").read_text().split("\0")]
+    os.kill(int(pid), signal.SIGKILL)
+
+
+def test_a_dead_node_is_started_again_and_the_page_says_so(page: Page) -> None:
+    kill(page, "fdi_node")
+    until(lambda: page.locator(".said").inner_text().startswith("fdi died (SIGKILL"), "nobody tells of it")
+    expect(page.locator(".said")).to_have_text(re.compile(r"was started again; back in service \d+\.\d s later$"))
+    expect(lamp(page, "phase")).to_have_text("running")
+    until(lambda: math.isfinite(newest(page, "residual_n")), "no residual comes")
+    click(page, "Inject f_p")
+    is_lit(page, "isolated_f_p")
+    click(page, "Stop f_p")
+    is_out(page, "isolated_f_p")
+
+
 def test_operating_point_and_reset(page: Page) -> None:
     low = rest_at("low")["outputs"]
     click(page, "low")
@@ -192,6 +226,23 @@ def test_nothing_sticks_out_of_the_page_or_lies_upon_another(page: Page, width: 
     until(lambda: page.evaluate(OVERLAPS)[0] == 0, "panels lie upon one another")
     until(lambda: page.evaluate(OVERLAPS)[1] >= 60.0, "a plot is too flat to be read")
     page.set_viewport_size({"width": 1400, "height": 900})
+
+
+def test_a_plant_of_your_own(browser: Browser, own_plant: Path) -> None:
+    """Plant, designs and the page's diagram are those of the file that `--plant` names."""
+    with acftc("--plant", str(own_plant), "dash", "--no-browser", domain=DOMAIN + 2) as (url, _):
+        page = new_page(browser)
+        page.goto(url)
+        expect(lamp(page, "phase")).to_have_text("running", timeout=FIRST_TIME_S * 1e3)
+        until(lambda: math.isclose(newest(page, "p_e"), 265.0, abs_tol=0.5), "not at rest at the car's medium point")
+        assert newest(page, "p_e_reference") == pytest.approx(265.0)
+        assert newest(page, "superheat_reference") == pytest.approx(15.0)
+        click(page, "Inject f_N")
+        is_lit(page, "isolated_f_N")
+        click(page, "low")
+        said = re.compile("started anew at the operating point low$")
+        expect(page.locator(".said")).to_have_text(said, timeout=FIRST_TIME_S * 1e3)
+        until(lambda: math.isclose(newest(page, "p_e"), 310.0, abs_tol=0.5), "not at rest at its low point")
 
 
 def test_run_with_a_page_beside_it(browser: Browser, tmp_path: Path) -> None:
