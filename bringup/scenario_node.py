@@ -8,6 +8,7 @@ import json
 import sys
 from collections.abc import Sequence
 
+import numpy as np
 from rclpy.parameter import Parameter as RosParameter
 
 from bringup.live_offset import LiveOffset
@@ -84,8 +85,8 @@ class ScenarioNode(NodeShell):
         scenario = check(json.loads(given)) if given.lstrip().startswith("{") else load(given)
         rest = rest_at(scenario.operating_point)
         plan = program(scenario, rest["inputs"], rest["outputs"])
-        # Plain floats: a row is sent number by number.
-        self._rows = list(zip(plan.reference.tolist(), plan.air.tolist(), plan.faults.tolist(), strict=True))
+        # One array, not lists of lists: a run of hours has some hundred thousand rows.
+        self._rows = np.hstack([plan.reference, plan.air, plan.faults])
         self._tick_ns = scenario.tick_ns
         start_ns = self.value("run_start_ns")
         self._start_ns: int | None = start_ns if start_ns >= 0 else None
@@ -102,7 +103,7 @@ class ScenarioNode(NodeShell):
         if self._start_ns is None:
             self._start_ns = time_ns
         tick = round((time_ns - self._start_ns) / self._tick_ns)
-        (p_e, superheat), (mass_flow, inlet), (f_n, f_p) = self._rows[min(tick, len(self._rows) - 1)]
+        p_e, superheat, mass_flow, inlet, f_n, f_p = self._rows[min(tick, len(self._rows) - 1)].tolist()
         more_p_e, more_superheat, more_flow, more_inlet = [
             offset.value(time_ns / 1e9) for offset in self._offsets.values()
         ]
