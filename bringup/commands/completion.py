@@ -5,6 +5,15 @@ from click.shell_completion import get_completion_class
 
 from bringup.commands.options import OneOf, examples
 
+#: In click's scripts: what puts a word on the line, and the same for a ``KEY=``, after which no blank may come.
+_NO_BLANK_AFTER = {
+    "bash": ("COMPREPLY+=($value)", "COMPREPLY+=($value); [[ $value != *= ]] || compopt -o nospace"),
+    "zsh": (
+        "compadd -U -V unsorted -a completions",
+        'compadd -U -V unsorted -S "${${completions[1]:#*=}:+ }" -a completions',
+    ),
+}
+
 
 @click.command(
     epilog=examples(
@@ -20,4 +29,5 @@ def completion(ctx: click.Context, shell: str) -> None:
     """Print what makes SHELL complete commands, options, scenarios, node names and files."""
     make = get_completion_class(shell)
     assert make is not None  # click knows these three
-    click.echo(make(ctx.find_root().command, {}, "acftc", "_ACFTC_COMPLETE").source())
+    source = make(ctx.find_root().command, {}, "acftc", "_ACFTC_COMPLETE").source()
+    click.echo(source.replace(*_NO_BLANK_AFTER.get(shell, ("", ""))))

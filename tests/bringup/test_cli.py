@@ -4,6 +4,7 @@ import json
 import os
 import pty
 import re
+import select
 import shutil
 import subprocess
 import sys
@@ -176,15 +177,49 @@ def test_the_shell_completes(shell: str, line: str, completed: list[str]):
     assert [item.value for item in found] == completed
 
 
-def test_bash_itself_completes():
-    script = """
-source <(acftc completion bash)
-COMP_WORDS=(acftc run sensor_fault_); COMP_CWORD=2; _acftc_completion acftc; echo "${COMPREPLY[@]}"
-"""
-    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
-    environment = {**os.environ, "PATH": path}
-    result = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=False, env=environment)
-    assert result.stdout.split() == ["sensor_fault_derived"], result.stderr
+#: How each shell is started without its user's settings, told to complete, and made to show what it would have run.
+SHELLS = {
+    "bash": ("--norc --noprofile -i", 'eval "$(acftc completion bash)"; acftc() { printf "<%s>" "$@" end; }'),
+    "zsh": (
+        "-f -i",
+        'autoload -U compinit; compinit -u -D; eval "$(acftc completion zsh)"; acftc() { printf "<%s>" "$@" end; }',
+    ),
+    "fish": ("--no-config -i", 'acftc completion fish | source; function acftc; printf "<%s>" $argv end; end'),
+}
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_a_real_shell_completes_on_tab(shell: str) -> None:
+    if not shutil.which(shell):
+        pytest.skip(f"no {shell} here")
+    flags, setup = SHELLS[shell]
+    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", "TERM": "xterm"}
+    ours, theirs = pty.openpty()
+    streams = {"stdin": theirs, "stdout": theirs, "stderr": theirs}
+    command = ["setsid", "--ctty", shell, *flags.split()]  # the terminal is its own: fish insists
+    with subprocess.Popen(command, **streams, env=environment) as child:
+        os.close(theirs)
+        try:
+            for typed, shown in (
+                (f"{setup}; echo re''ady\n", "ready"),
+                ("acftc sim\tnominal\n", "<simulate><nominal><end>"),
+                ("acftc run sensor_fault_\t\n", "<run><sensor_fault_derived><end>"),
+                ("acftc run nominal --set dur\t7\n", "<run><nominal><--set><duration_s=7><end>"),
+            ):
+                os.write(ours, typed.encode())
+                read_until(ours, shown)
+        finally:
+            child.kill()
+            os.close(ours)
+
+
+def read_until(terminal: int, words: str) -> None:
+    """Read what is written to a terminal until it holds some words."""
+    written = ""
+    while words not in written:
+        readable, _, _ = select.select([terminal], [], [], 60.0)
+        assert readable, written
+        written += os.read(terminal, 65536).decode(errors="replace")
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
