@@ -123,6 +123,8 @@ def _print_summary(summary: dict[str, Any]) -> None:
             named = f"isolated as {fault['isolated_as']} after {after:.1f} s"
         rows.append([f"{fault['size']:g} {fault['unit']} at {fault['onset_s']:g} s", named])
     rows.append(["false alarms", str(summary["false_alarms"])])
+    if summary["events"]:
+        rows.append(["events", f"{len(summary['events'])}, see the report"])
     units = {"rpm": "rpm", "kpa": "kPa", "k": "K"}
     for key, value in summary["metrics"].items():
         name, _, unit = key.rpartition("_")

@@ -86,7 +86,7 @@ def render(
     summary = summarise(recording)
     other = None if beside is None else summarise(beside)
     scenario = recording.metadata["scenario"]
-    events = events_of(reports, first_tick_s)
+    events = _events(recording, reports, first_tick_s)
     plots = _Plots(pictures)
     sections = [
         ("faults", "Faults", _faults_table(summary)),
@@ -94,7 +94,7 @@ def render(
         *_details(summary, recording, beside, note, plots),
         ("run", "The whole run", _whole_run(recording, beside, note, plots)),
         ("nodes", "Timing and health of the nodes", _nodes(recording, reports, plots)),
-        ("events", "Events", _events_table(events, reports)),
+        ("events", "Events", _events_table(events)),
         ("parameters", "Parameters", _parameters(recording)),
         ("again", "How to run it again", _again(summary, scenario)),
     ]
@@ -102,7 +102,7 @@ def render(
     return Template(_PAGE.read_text(encoding="utf-8")).substitute(
         title=html.escape(f"{summary['scenario']} ({'passive' if summary['passive'] else 'active'})"),
         description=html.escape(scenario.get("description", "")),
-        story=as_html(story(summary, other, events)),
+        story=as_html(story(summary, other, events or ())),
         contents="".join(f"<a href=#{name}>{heading}</a>" for name, heading, _ in sections),
         facts=_facts(summary, scenario, recording.metadata),
         body="\n".join(f"<h2 id={name}>{heading}</h2>\n{text}" for name, heading, text in sections),
@@ -285,9 +285,18 @@ def _nodes(recording: Recording, reports: Sequence[Report], plots: _Plots) -> st
     )
 
 
-def _events_table(events: Sequence[Event], reports: Sequence[Report]) -> str:
-    """What nodes reported out of the ordinary; empty for a run without nodes."""
-    if not reports:
+def _events(recording: Recording, reports: Sequence[Report], first_tick_s: float) -> list[Event] | None:
+    """What was out of the ordinary; None where nobody could tell: a bag without health reports."""
+    if reports:
+        return events_of(reports, first_tick_s)
+    if recording.metadata["mode"] == "simulate":
+        return [Event(**event) for event in recording.metadata.get("events", [])]
+    return None
+
+
+def _events_table(events: Sequence[Event] | None) -> str:
+    """The events in order of time; empty where nobody could tell."""
+    if events is None:
         return ""
     if not events:
         return "<p>None: no node refused an input, missed a tick, changed what it does or was started again.</p>"
@@ -299,7 +308,7 @@ def _events_table(events: Sequence[Event], reports: Sequence[Report]) -> str:
     more = len(events) - MOST_EVENTS
     if more <= 0:
         return table
-    return f"{table}<p class=note>And {more} more; the bag holds them all on <code>/diagnostics</code>.</p>"
+    return f"{table}<p class=note>And {more} more.</p>"
 
 
 def _parameters(recording: Recording) -> str:

@@ -15,6 +15,7 @@ import pytest
 
 from ac_plant_node.parameters import PLANT_VARIABLE
 from bringup.commands.outcome import companion
+from bringup.loop import simulate
 from bringup.recording import Recording
 from bringup.report.nodes import Report, events_of, health_charts
 from bringup.report.page import render, write_report
@@ -264,6 +265,20 @@ def test_a_node_that_was_started_again_is_an_event():
         (12.5, "fdi", "died (killed by SIGKILL: ) and was started again; back in service 1.5 s later"),
         (20.0, "recorder", "died (exit code 1: disk full) and was started again; not back in service"),
     ]
+
+
+def test_a_simulated_run_has_its_events_too():
+    """A step far beyond the design range: compensator and protection act, and say so."""
+    far = load("nominal", ["duration_s=40", "references.evaporator_pressure_kpa=[{at_s: 5, to: 90}]"])
+    text = text_of(render(simulate(far)))
+    rows = re.findall(r"<tr><td>([\d.]+)</td><td><code>(\w+)</code></td><td>([^<]+)</td></tr>", text)
+    assert {(node, what.partition(":")[0]) for _, node, what in rows} == {
+        ("compensator", "outside the design range"),
+        ("gimc_controller", "superheat too low (liquid to the compressor)"),
+    }
+    assert all(5.0 <= float(time_s) < 40.0 for time_s, _, _ in rows)
+    assert f"{len(rows)} events reported by compensator, gimc_controller: see Events." in text
+    assert "None: no node refused an input" in text_of(render(simulate(load("nominal", ["duration_s=1"]))))
 
 
 def test_timing_over_the_run_is_drawn_node_by_node():
