@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bringup.rest import rest_at
-from bringup.ros.node_shell import MODE, OPERATING_POINT, SAMPLE_TIME, NodeShell, Parameter, run_node
+from bringup.ros.node_shell import NodeShell, run_node
+from bringup.ros.parameters import MODE, OPERATING_POINT, SAMPLE_TIME, Parameter
 from bringup.ros.realtime import Latencies
 from bringup.safe_command import COMMAND_HOLD_S, CommandHold
 from bringup.topics import CLOCK, PLANT, Topic

@@ -9,7 +9,7 @@ from importlib import import_module
 import yaml
 
 from bringup.ros.modules import MODULES, module_of, parameter_file
-from bringup.ros.node_shell import COMMON, Parameter
+from bringup.ros.parameters import COMMON, Parameter
 
 
 def text(name: str) -> str:

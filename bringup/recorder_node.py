@@ -15,7 +15,8 @@ from bringup.bags.recorder import BagWriter, RecordedTopic
 from bringup.designs import ATTACHMENT, DESIGNED
 from bringup.ros.cdr import stamp_ns
 from bringup.ros.inputs import Arrival, Subscriptions
-from bringup.ros.node_shell import DEADLINE_S, DEPTH, LOOP_QOS, MODE, PLAIN_QOS, NodeShell, Parameter, run_node
+from bringup.ros.node_shell import DEADLINE_S, DEPTH, LOOP_QOS, PLAIN_QOS, NodeShell, run_node
+from bringup.ros.parameters import MODE, Parameter
 from bringup.topics import BY_NAME, CLOCK, DIAGNOSTICS, OCCASIONAL, PLANT, RECORDER, TOPICS
 
 #: Far below what the middleware keeps for a slow reader, and below the bag's flush period.

@@ -13,7 +13,8 @@ from bringup import scenario_reference
 from bringup.recording import StatusRow
 from bringup.ros.cdr import pack_status, read_diagnostics
 from bringup.ros.modules import MODULES, module_of
-from bringup.ros.node_shell import COMMON, DEADLINE_S, DEPTH, Parameter
+from bringup.ros.node_shell import DEADLINE_S, DEPTH
+from bringup.ros.parameters import COMMON, Parameter
 from bringup.topics import DIAGNOSTICS, JOINT_FIELD, JOINTS, NAMESPACE, PRESSURE, TOPICS, Topic
 
 FOLDER = Path(__file__).parents[1] / "docs" / "reference"

@@ -18,16 +18,8 @@ from std_srvs.srv import SetBool
 
 from bringup.profiles import PROFILES
 from bringup.rest import rest_at
-from bringup.ros.node_shell import (
-    MODE,
-    OPERATING_POINT,
-    RUN_START,
-    SAMPLE_TIME,
-    SUPERHEAT_SENSOR,
-    NodeShell,
-    Parameter,
-    run_node,
-)
+from bringup.ros.node_shell import NodeShell, run_node
+from bringup.ros.parameters import MODE, OPERATING_POINT, RUN_START, SAMPLE_TIME, SUPERHEAT_SENSOR, Parameter
 from bringup.safe_command import COMMAND_HOLD_S, CommandHold
 from bringup.topics import FAULTS, INJECTOR
 from fault_injector_node.injector import FaultInjector

@@ -11,19 +11,17 @@ import numpy as np
 
 from bringup.recording import StatusRow
 from bringup.ros.frozen import FROZEN_S, Frozen
-from bringup.ros.node_shell import (
+from bringup.ros.node_shell import MEMORY_AGE_S, NodeShell, run_node
+from bringup.ros.parameters import (
     DESIGN_COPY,
     DESIGN_FILE,
-    MEMORY_AGE_S,
     MEMORY_FILE,
     MODE,
     OPERATING_POINT,
     RUN_START,
     SAMPLE_TIME,
     SUPERHEAT_SENSOR,
-    NodeShell,
     Parameter,
-    run_node,
 )
 from bringup.topics import FDI
 

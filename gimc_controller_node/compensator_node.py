@@ -7,19 +7,17 @@ import numpy as np
 from rclpy.parameter import Parameter as RosParameter
 
 from bringup.recording import StatusRow
-from bringup.ros.node_shell import (
+from bringup.ros.node_shell import MEMORY_AGE_S, NodeShell, run_node
+from bringup.ros.parameters import (
     DESIGN_COPY,
     DESIGN_FILE,
-    MEMORY_AGE_S,
     MEMORY_FILE,
     MODE,
     OPERATING_POINT,
     RUN_START,
     SAMPLE_TIME,
     SUPERHEAT_SENSOR,
-    NodeShell,
     Parameter,
-    run_node,
 )
 from bringup.topics import COMPENSATOR
 

@@ -11,17 +11,8 @@ import sys
 import numpy as np
 
 from bringup.ros.frozen import FROZEN_S, Frozen
-from bringup.ros.node_shell import (
-    DESIGN_COPY,
-    DESIGN_FILE,
-    MODE,
-    OPERATING_POINT,
-    RUN_START,
-    SAMPLE_TIME,
-    NodeShell,
-    Parameter,
-    run_node,
-)
+from bringup.ros.node_shell import NodeShell, run_node
+from bringup.ros.parameters import DESIGN_COPY, DESIGN_FILE, MODE, OPERATING_POINT, RUN_START, SAMPLE_TIME, Parameter
 from bringup.topics import CONTROLLER
 
 #: Fields of `ProtectionLimits` that are parameters, with what they may be.

@@ -14,13 +14,11 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.exceptions import (
@@ -42,10 +40,10 @@ from bringup.ros.cdr import Packer, packer
 from bringup.ros.inputs import Gate, LoopInputs, Subscriptions
 from bringup.ros.messages import message_class
 from bringup.ros.own_health import Health
+from bringup.ros.parameters import COMMON, Parameter
 from bringup.ros.processes import DISK_FULL, end_with_parent
 from bringup.ros.realtime import Care, set_priority, sleep_until
 from bringup.ros.ticks import TickSet, Timeline, WallClockSet
-from bringup.sample_time import DEFAULT_SAMPLE_TIME_S, LONGEST_SAMPLE_TIME_S, SHORTEST_SAMPLE_TIME_S
 from bringup.topics import BY_NAME, OCCASIONAL, TOPICS, Topic
 
 #: How far behind a subscriber (the recorder above all) may fall before a message is lost, in ticks.
@@ -60,6 +58,8 @@ OTHERS_PERIOD_S = 0.02
 OTHERS_PATIENCE_S = 0.1
 #: How long their turn may take; a deadline that is nearer comes first.
 OTHERS_TAKE_S = 0.003
+#: How often the memory file is written, and how old it may be, s.
+MEMORY_PERIOD_S, MEMORY_AGE_S = 0.5, 30.0
 #: Exit code of a node that was given parameters it cannot work with.
 BAD_INPUT = 2
 #: The last bit of the time to a deadline is slept through on a timer that is more exact than the middleware's.
@@ -74,85 +74,6 @@ LOOP_QOS = QoSProfile(
 )
 #: Of /clock and /diagnostics: reliable, without a deadline.
 PLAIN_QOS = QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=DEPTH)
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A declared parameter: its default tells the type; out-of-range values are refused by name."""
-
-    name: str
-    default: Any
-    description: str
-    low: float | None = None
-    high: float | None = None
-    choices: tuple[str, ...] = ()
-    live: bool = False  # may be set while the node runs; the others only before it is configured
-
-    def descriptor(self) -> ParameterDescriptor:
-        """What `ros2 param describe` shows."""
-        result = ParameterDescriptor(description=self.description)
-        if self.choices:
-            result.additional_constraints = "one of: " + ", ".join(self.choices)
-        if self.low is not None and self.high is not None:
-            if isinstance(self.default, int):
-                result.integer_range = [IntegerRange(from_value=int(self.low), to_value=int(self.high), step=0)]
-            else:
-                result.floating_point_range = [FloatingPointRange(from_value=self.low, to_value=self.high, step=0.0)]
-        return result
-
-
-AUTOSTART = Parameter(
-    "autostart", True, "configure and activate at once; false leaves that to whoever manages the node"
-)
-OPERATING_POINT = Parameter("operating_point", "med", "operating point of the design", choices=("low", "med", "high"))
-PRIORITY = Parameter(
-    "priority",
-    0,
-    "SCHED_FIFO priority of all threads while active, where the system permits it; 0: none",
-    low=0,
-    high=99,
-)
-REALTIME_CARE = Parameter(
-    "realtime_care",
-    False,
-    "lock the memory and keep the processors from dozing while active, where the system permits it",
-)
-#: What every node has.
-COMMON = (AUTOSTART, PRIORITY, REALTIME_CARE)
-MODE = Parameter("mode", "lockstep", "what a tick waits for: loop or wall clock", choices=("lockstep", "realtime"))
-SAMPLE_TIME = Parameter(
-    "sample_time_s",
-    DEFAULT_SAMPLE_TIME_S,
-    "sample time of the loop, s",
-    low=SHORTEST_SAMPLE_TIME_S,
-    high=LONGEST_SAMPLE_TIME_S,
-)
-RUN_START = Parameter(
-    "run_start_ns",
-    -1,
-    "stamp of the run's first tick, for a node that joins a run under way; -1: the first tick it sees",
-    low=-1,
-    high=2**63 - 1,
-)
-SUPERHEAT_SENSOR = Parameter(
-    "superheat_sensor",
-    "direct",
-    "direct: superheat is measured; derived: from an outlet thermocouple and the measured pressure",
-    choices=("direct", "derived"),
-)
-
-
-MEMORY_FILE = Parameter(
-    "memory_file",
-    "",
-    "realtime: file in which the node keeps what it would have to know after a crash; empty: none",
-)
-#: How often it is written, and how old it may be, s.
-MEMORY_PERIOD_S, MEMORY_AGE_S = 0.5, 30.0
-
-DESIGN_FILE = Parameter("design_file", "", "file with a design of your own (.npz); empty: that of the operating point")
-
-DESIGN_COPY = Parameter("design_copy", "", "where to leave a copy of the design in use; empty: nowhere")
 
 
 class NodeShell(LifecycleNode):  # type: ignore[misc]

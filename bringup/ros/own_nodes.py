@@ -17,7 +17,7 @@ from bringup.ros.modules import MODULES, module_of
 from bringup.topics import COMPENSATOR, CONTROLLER, FDI, INJECTOR, NAMESPACE, PLANT, RECORDER, SCENARIO
 
 if TYPE_CHECKING:
-    from bringup.ros.node_shell import Parameter
+    from bringup.ros.parameters import Parameter
 
 #: The nodes that somebody else's may stand in for; what is recorded, and how, stays ours.
 REPLACEABLE = (PLANT, INJECTOR, FDI, COMPENSATOR, CONTROLLER, SCENARIO)
@@ -130,7 +130,7 @@ def _check_file(file: Path, strange: Sequence[str]) -> None:
 
 
 def _check_names(file: Path, key: str, values: Mapping[str, Any], name: str) -> None:
-    from bringup.ros.node_shell import COMMON
+    from bringup.ros.parameters import COMMON
 
     declared: Sequence[Parameter] = import_module(module_of(MODULES[name])).PARAMETERS
     allowed = [parameter.name for parameter in (*COMMON, *declared)]

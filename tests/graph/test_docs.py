@@ -6,7 +6,7 @@ from pathlib import Path
 
 from bringup.profiles import PROFILES
 from bringup.ros.modules import MODULES
-from bringup.ros.node_shell import Parameter
+from bringup.ros.parameters import Parameter
 from bringup.topics import BY_NAME
 from fault_injector_node.node import PARAMETERS
 
