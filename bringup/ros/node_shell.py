@@ -276,6 +276,12 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
 
     # -- life cycle ---------------------------------------------------------------------------------------------
 
+    def _LifecycleNodeMixin__change_state(self, transition_id: int) -> TransitionCallbackReturn:
+        """Refuse a transition that the present state does not have; in rclpy alone the exception ends the node."""
+        if transition_id not in (number for number, *_ in self._state_machine.available_transitions):
+            return TransitionCallbackReturn.FAILURE
+        return super()._LifecycleNodeMixin__change_state(transition_id)
+
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Create endpoints and the pure object."""
         return self._transition(super().on_configure, state, self._create)

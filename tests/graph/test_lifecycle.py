@@ -9,6 +9,7 @@ from lifecycle_msgs.msg import Transition
 
 from bringup.bags.feeder import Feeder
 from bringup.bags.reader import read_bag
+from bringup.errors import RunError
 from bringup.ros.cdr import packer
 from bringup.ros.graph import node_arguments, run_graph
 from bringup.ros.modules import MODULES
@@ -57,6 +58,21 @@ def test_controller_acts_only_while_it_is_active(tmp_path: Path) -> None:
             supervisor.activate([CONTROLLER])
             feeder.publish(tick(0))  # a new life: time may begin anew
             assert command_of(feeder, 0) is not None
+    finally:
+        stop([child])
+
+
+def test_a_transition_that_a_state_does_not_have_is_refused_and_nobody_dies(tmp_path: Path) -> None:
+    """As when somebody types `ros2 lifecycle set /ac/gimc_controller activate` twice."""
+    child = start(
+        CONTROLLER, node_arguments(MODULES[CONTROLLER], CONTROLLER, {}, tmp_path), tmp_path, ros_environment()
+    )
+    try:
+        with Supervisor({CONTROLLER: child}, ros_environment()) as supervisor:
+            for transition in (Transition.TRANSITION_ACTIVATE, Transition.TRANSITION_CLEANUP):
+                with pytest.raises(RunError, match="cannot start"):
+                    supervisor.change([CONTROLLER], transition, "active")
+            supervisor.change([CONTROLLER], Transition.TRANSITION_CONFIGURE, "inactive")  # it is alive, and as it was
     finally:
         stop([child])
 
