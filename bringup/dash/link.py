@@ -141,6 +141,7 @@ class Link:
         self._heard = _Heard()
         self._jobs: queue.SimpleQueue[Coroutine[Any, Any, None]] = queue.SimpleQueue()
         self._turns: list[Any] = []  # what waits for the thread's next turn
+        self._moving = False  # whether nodes are being paused or resumed
         self._ends = threading.Event()
         self._reconfiguring: threading.Thread | None = None
         self._context = rclpy.Context()
@@ -229,12 +230,12 @@ class Link:
     def pause(self) -> None:
         """Stop the plant, which beats time for all, then the others, which would go on without it for a while."""
         names = [name for name in reversed(ACTIVATION_ORDER) if name != RECORDER and self._is_there(name)]
-        self._jobs.put(self._transition(names, Transition.TRANSITION_DEACTIVATE, "paused"))
+        self._jobs.put(self._transition(names, Transition.TRANSITION_DEACTIVATE, "inactive", "paused"))
 
     def resume(self) -> None:
         """Let all go on, the plant last."""
         names = [name for name in ACTIVATION_ORDER if name != RECORDER and self._is_there(name)]
-        self._jobs.put(self._transition(names, Transition.TRANSITION_ACTIVATE, "goes on"))
+        self._jobs.put(self._transition(names, Transition.TRANSITION_ACTIVATE, "active", "goes on"))
 
     def start_anew(self, point: str) -> None:
         """Begin again, at rest at `point`, without live faults and changes; takes some seconds, in a thread."""
@@ -292,16 +293,23 @@ class Link:
             self.say(one_line(reply.result.reason), failed=True)
         return bool(reply.result.successful)
 
-    async def _transition(self, names: Iterable[str], transition: int, what: str) -> None:
-        request = ChangeState.Request(transition=Transition(id=transition))
-        for name in names:
-            reply = await self._ask(ChangeState, f"{name}/change_state", request)
-            if reply is None:
-                return
-            if not reply.success:  # it is there already, or it cannot: its own report tells
-                self.say(f"{name} refuses", failed=True)
-                return
-        self.say(what)
+    async def _transition(self, names: Iterable[str], transition: int, state: str, what: str) -> None:
+        """Bring nodes to a state one after the other; what is asked for meanwhile waits its turn."""
+        while self._moving:
+            await self._moment()
+        self._moving = True
+        try:
+            request = ChangeState.Request(transition=Transition(id=transition))
+            for name in names:
+                reply = await self._ask(ChangeState, f"{name}/change_state", request)
+                if reply is None:
+                    return
+                if not reply.success and self._heard.health.get(name, {}).get("state") != state:
+                    self.say(f"{name} refuses", failed=True)
+                    return
+            self.say(what)
+        finally:
+            self._moving = False
 
     async def _get(self, node: str) -> None:
         names = WATCHED[node]

@@ -25,7 +25,7 @@ from bringup.dash.plots import (
     zone_plot,
     zone_source,
 )
-from bringup.dash.rows import MOST_ROWS, WINDOW_S, columns_of
+from bringup.dash.rows import MOST_ROWS, ROW_PERIOD_S, WINDOW_S, columns_of
 from bringup.topics import FAULTS
 from bringup.units import FAULT_UNITS, KPA
 
@@ -103,6 +103,7 @@ class _Page:
             name="window", labels=[f"{s} s" for s in WINDOWS_S], active=1, margin=0, stylesheets=[STYLE]
         )
         window.on_change("active", lambda _attr, _old, new: self._show_last(WINDOWS_S[new]))
+        self._rows = MOST_ROWS  # as many as are shown: the browser draws them all each time
         self._show_last(WINDOWS_S[1])
         # The browser answers each update when it has drawn it; without that, one that is slower than the updates, or in
         # the background, would fall behind more and more, and its clicks with it.
@@ -140,9 +141,9 @@ class _Page:
         view = self._link.view()
         generation, count, rows = self._link.rows.since(*self._seen)
         if generation != self._seen[0]:
-            self._source.data = columns_of(rows)
+            self._source.data = columns_of(rows[-self._rows :])
         elif rows:
-            self._source.stream(columns_of(rows), rollover=MOST_ROWS)
+            self._source.stream(columns_of(rows), rollover=self._rows)
         self._seen = generation, count
         if rows:
             self._show_cycle(view)
@@ -159,6 +160,8 @@ class _Page:
 
     def _show_last(self, seconds: int) -> None:
         self._time.follow_interval = self._time.default_span = float(seconds)
+        self._rows = round(seconds / ROW_PERIOD_S) + 1
+        self._seen = (0, 0)  # with the next update all of them come, also those that had been left out
 
     def _show_cycle(self, view: View) -> None:
         newest = self._link.rows.newest
@@ -195,7 +198,7 @@ def lamps(view: View, problem: str) -> str:
         "absent": ("bad", "no graph to be seen"),
     }
     kind, word = phases[view.phase]
-    if view.restarting:
+    if view.restarting and view.phase == "running":
         kind, word = "warn", f"restarting {', '.join(view.restarting)}"
     if problem:
         kind, word = "bad", "a node has failed"

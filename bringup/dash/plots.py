@@ -20,13 +20,14 @@ from bokeh.plotting import figure
 
 from bringup.dash.cycle import Corners, dome
 from bringup.dash.rows import WINDOW_S
+from bringup.report.charts import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILION
 from bringup.units import KPA
 
-# Okabe and Ito's palette, which colour-blind people can tell apart; dashes and widths say the same again.
-BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION = "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00"
-GREY, PALE = "#767676", "#D9D9D9"
+PALE = "#D9D9D9"
 FONT = "system-ui, sans-serif"
 KILO = 1.0e-3
+#: Labels of a time plot's axis, about: to write one takes the browser as long as to draw a hundred points.
+MOST_TICKS = 4
 
 
 @dataclass(frozen=True)
@@ -141,6 +142,8 @@ def _time_plot(plot: TimePlot, source: ColumnDataSource, time: DataRange1d, cros
         )
     tips = [(line.name, f"@{line.column}{{{plot.digits}}}") for line in plot.lines if not line.column.endswith("_low")]
     drawn.xaxis.formatter = PrintfTickFormatter(format="%g s")
+    for axis in (*drawn.xaxis, *drawn.yaxis):
+        axis.ticker.desired_num_ticks = MOST_TICKS
     drawn.add_tools(
         HoverTool(renderers=[last], mode="vline", line_policy="nearest", tooltips=[("time", "@t{0.0} s"), *tips]),
         crosshair,

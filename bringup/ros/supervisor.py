@@ -61,6 +61,7 @@ class Supervisor:
         self._revive = revive
         self._policy = RestartPolicy()
         self._due_s: dict[str, float] = {}  # dead nodes, and when they are to be started again
+        self._death_s: dict[str, float] = {}  # when each died last, on the monotonic clock
         self.restarts: list[Restart] = []
         self._changed: dict[str, dict[str, Any]] = {}  # parameters that were set while nodes ran
         self._is_running = False
@@ -326,6 +327,7 @@ class Supervisor:
         if wait_s is None:
             raise RunError(self._failed(child.name, "died"))
         self._due_s[child.name] = now_s + wait_s
+        self._death_s[child.name] = now_s
         self.health.pop(child.name, None)
         self.restarts.append(Restart(child.name, self._run_s(), f"{child.end}: {child.last_words()}"))
 
@@ -341,7 +343,8 @@ class Supervisor:
         """Note that a node that had died works again."""
         for restart in self.restarts:
             if restart.node == name and math.isnan(restart.back_s) and int(self._of(name, "ticks") or 0) > 0:
-                restart.back_s = self._run_s()
+                # Not by `_run_s` again: after a pause the first tick is another.
+                restart.back_s = round(restart.died_s + time.monotonic() - self._death_s[name], 3)
                 self._report()
 
     def _run_s(self) -> float:

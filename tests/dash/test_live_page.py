@@ -162,6 +162,10 @@ def kill(page: Page, module: str) -> None:
 
 
 def test_a_dead_node_is_started_again_and_the_page_says_so(page: Page) -> None:
+    click(page, "Pause")  # from then on the run counts from another first tick
+    expect(lamp(page, "phase")).to_have_text("paused")
+    click(page, "Resume")
+    expect(lamp(page, "phase")).to_have_text("running")
     kill(page, "fdi_node")
     until(lambda: page.locator(".said").inner_text().startswith("fdi died (SIGKILL"), "nobody tells of it")
     expect(page.locator(".said")).to_have_text(re.compile(r"was started again; back in service \d+\.\d s later$"))
@@ -171,6 +175,25 @@ def test_a_dead_node_is_started_again_and_the_page_says_so(page: Page) -> None:
     is_lit(page, "isolated_f_p")
     click(page, "Stop f_p")
     is_out(page, "isolated_f_p")
+
+
+def test_only_the_chosen_time_is_sent_and_drawn(page: Page) -> None:
+    """What is not shown costs the browser nothing; it comes back when it is asked for."""
+
+    def oldest_s() -> float:
+        return float(
+            page.evaluate(
+                "(({ data }) => (data.get?.('t') ?? data.t)[0])(Bokeh.documents[0].get_model_by_name('rows'))"
+            )
+        )
+
+    until(lambda: newest(page, "t") > 70.0, "the loop stands still")
+    first_s = oldest_s()
+    click(page, "60 s")
+    until(lambda: newest(page, "t") - oldest_s() < 61.0, "it holds more than it shows")
+    click(page, "300 s")
+    until(lambda: oldest_s() == first_s, "what had been left out does not come back")
+    click(page, "120 s")
 
 
 def test_operating_point_and_reset(page: Page) -> None:
