@@ -119,3 +119,10 @@ out_option = click.option(
 )
 force_option = click.option("--force", is_flag=True, help="Overwrite the recording of an earlier run in DIR.")
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
+
+
+def scenario_options(command: Any) -> Any:
+    """Give a command what everything that runs a scenario takes: SCENARIO, --out, --passive, --set, --force, --json."""
+    for add in (json_option, force_option, set_option, passive_option, out_option, scenario_argument):
+        command = add(command)
+    return command

@@ -6,18 +6,7 @@ from typing import Literal
 import click
 
 from bringup.commands.dash import dash_option, page
-from bringup.commands.options import (
-    LOOP_NODES,
-    NodeType,
-    OneOf,
-    examples,
-    force_option,
-    json_option,
-    out_option,
-    passive_option,
-    scenario_argument,
-    set_option,
-)
+from bringup.commands.options import LOOP_NODES, NodeType, OneOf, examples, scenario_options
 from bringup.commands.outcome import finish, load_scenario, prepare_folder
 from bringup.console import progress_bar, say
 from bringup.errors import BringupError, InterruptedRunError, RunError
@@ -33,8 +22,7 @@ from bringup.errors import BringupError, InterruptedRunError, RunError
     ),
     short_help="Run a scenario with all nodes: bag, summary, report.",
 )
-@scenario_argument
-@out_option
+@scenario_options
 @click.option(
     "--mode",
     type=OneOf(["lockstep", "realtime"]),
@@ -42,9 +30,6 @@ from bringup.errors import BringupError, InterruptedRunError, RunError
     show_default=True,
     help="As fast as the machine allows and repeatable to the last bit, or on the wall clock.",
 )
-@passive_option
-@set_option
-@force_option
 @click.option(
     "--node",
     "nodes",
@@ -72,7 +57,6 @@ from bringup.errors import BringupError, InterruptedRunError, RunError
     help="On the wall clock: SCHED_FIFO, locked memory, processors kept awake, where the system permits it.",
 )
 @dash_option
-@json_option
 def run(
     scenario: str,
     out: Path | None,

@@ -4,15 +4,7 @@ from pathlib import Path
 
 import click
 
-from bringup.commands.options import (
-    examples,
-    force_option,
-    json_option,
-    out_option,
-    passive_option,
-    scenario_argument,
-    set_option,
-)
+from bringup.commands.options import examples, scenario_options
 from bringup.commands.outcome import finish, load_scenario, prepare_folder
 from bringup.console import progress_bar
 
@@ -26,12 +18,7 @@ from bringup.console import progress_bar
     ),
     short_help="Run a scenario in one process, without ROS.",
 )
-@scenario_argument
-@out_option
-@passive_option
-@set_option
-@force_option
-@json_option
+@scenario_options
 def simulate(
     scenario: str, out: Path | None, passive: bool, overrides: tuple[str, ...], force: bool, as_json: bool
 ) -> None:
