@@ -120,11 +120,9 @@ def _settled(
         x[6] = 0.5 * (low + high)
         model.conserved(x, parameters.array, tab, s)
         low, high = (x[6], high) if s[0] + s[5] > parameters["charge_kg"] else (low, x[6])
-    guess, z, _, aux = model.new_workspace()
-    charge = s[0] + s[5]
-    s[5] = 0.0
-    integrator.run(s, *integrator.new_work(), charge, w, parameters.array, tab, guess, z, aux, 1500.0)
-    return aux[:12].copy()
+    work = integrator.new_work(s)
+    integrator.run(work, parameters.array, tab, w, 1500.0, np.empty(4))
+    return integrator.views(work).aux[:12].copy()
 
 
 def _residual(x: NDArray[np.float64], w: NDArray[np.float64], p: Parameters, tab: Tables) -> NDArray[np.float64]:

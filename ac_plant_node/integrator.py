@@ -11,23 +11,40 @@ and work is carried. Stored energy minus that integral is linear in ``y`` and ev
 Step sizes are chosen by error control and do not end where a caller's duration ends: the state between is read from
 the cubic Hermite interpolant of the last step, which keeps linear invariants too. A step with unchanged inputs goes on
 where the last one stopped, so the trajectory does not depend on how a duration is cut.
+
+First step after a change of inputs: what a command that jumps from tick to tick sets off is a layer of some 20 ms which
+is next to linear, so the linear part is solved exactly, by an exponential Rosenbrock step as long as the inputs before
+were held (Hochbruck, Ostermann & Schweitzer, SIAM J. Numer. Anal. 47 (2009) 786). With ``N(y) = f(y) - f(y0) - J (y -
+y0)`` taken along two stages and as a parabola in time, ``N = a t/h + b (t/h)^2``, it is
+
+``y(h) = y0 + h [phi_1(hJ) f(y0) + phi_2(hJ) a + 2 phi_3(hJ) b]``,
+
+four right-hand sides, and matrices that serve for many steps: the linear part of N makes up for an old Jacobian. Its
+error estimate is what the parabola changes; where that is too much the Rosenbrock W-method takes over.
 """
 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ac_plant_node.compiled import Array, jit
 from ac_plant_node.model import (
     HEAT_IN,
+    INPUT_HIGH,
+    INPUT_LOW,
+    N_AUX,
     N_STATES,
+    P_C,
+    P_E,
     POWER,
     Q_AIR_C,
     Q_AIR_E,
+    SUPERHEAT,
+    WALL_E2,
     balances,
     condenser_zones,
     evaporator_zones,
+    new_workspace,
     rhs,
 )
 from ac_plant_node.tables import Tables
@@ -53,7 +70,14 @@ MAX_SHAPE_ERROR = 3.0e4
 """The same for outlet enthalpies and differences of wall temperatures. They carry nothing that is conserved, and jump
 where their zone appears or vanishes."""
 FIRST_STEP_S = 0.1
-"""Longest first step after a change of inputs: one control interval."""
+"""Longest first step after a change of inputs: one control interval. An exponential one takes as long as the inputs
+before were held, if that is less."""
+MAX_PHI_AGE = 20.0
+"""Accepted steps for which one Jacobian serves exponential steps: their error hardly depends on its age."""
+MAX_PHI_ERROR = 30.0
+"""Largest error estimate of an exponential step, in units of the tolerance. It is that of a method one order lower."""
+OUTSIDE, NOT_FINITE = 1, 2
+"""What `run` may return instead of 0."""
 ERROR_SCALE = np.array([1e-2, 1e3, 1e5, 5.0, 5.0, 1e5, 1e4, 0.1, 1e5, 5.0, 5.0, 5.0])
 """Sizes of the components of y for error control."""
 
@@ -85,26 +109,83 @@ _E = _M - _B_HAT @ _INV
 
 _DIFFERENCE = np.array([1e-8, 1e-3, 1e-1, 1e-5, 1e-5, 1.0, 1e-3, 1e-7, 1e-1, 1e-5, 1e-5, 1e-5])
 
+_SERIES_RADIUS, _SERIES_TERMS = 0.5, 8  # the series of phi_3 is cut off where it has come to 1e-11
+_FACTORIAL = np.cumprod(np.array([1.0, *range(1, 12)]))
+
 # Layout of the scalar memory of an integration.
-H_NEXT, H_LAST, T_LAST, MOVED, N_STEPS, N_REJECTED, FRESH, POWERS, TOLERANCE, AGE = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
-N_MEMORY = 10
+H_NEXT, H_LAST, T_LAST, MOVED, N_STEPS, N_REJECTED, POWERS, TOLERANCE, AGE, CHARGE, CLOCK_NS = range(11)
+T_HELD, FIRST, PHI_S, EXPONENTIAL = range(11, 15)
+"""How long the inputs have been held; whether the next step is the first with them; the step length that the phi
+functions were made for (0: none); whether the last step was an exponential one."""
+N_MEMORY = 15
+
+# Layout of the matrices of the exponential step.
+PHI_HALF, PHI_0, PHI_1, PHI_2, PHI_3, ROOM = range(6)
+"""phi_1(hJ/2), then phi_0 .. phi_3 of hJ."""
+
+
+class Work(NamedTuple):
+    """The memory of one integration: views into one array, because each array handed to compiled code costs time.
+
+    `y`: state at the time read last; `held`: inputs; `aux`, `guess`, `z`: as `ac_plant_node.model.rhs`; `y0`, `f0`,
+    `y1`, `f1`, `aux_1`: ends of the last step, rates and results there; `u`: stages; `jac`, `lu`, `pivots`, `phi`:
+    matrices; `trial`, `s`, `rate`: work space.
+    """
+
+    memory: Array
+    held: Array
+    y: Array
+    aux: Array
+    guess: Array
+    z: Array
+    y0: Array
+    f0: Array
+    y1: Array
+    f1: Array
+    aux_1: Array
+    u: Array
+    jac: Array
+    lu: Array
+    pivots: Array
+    phi: Array
+    trial: Array
+    s: Array
+    rate: Array
+
+
+_N, _NN = N_STATES, N_STATES**2
+_ENDS = np.cumsum(
+    [N_MEMORY, 4, _N, N_AUX, 2, 56, _N, _N, _N, _N, N_AUX, 4 * _N, _NN, _NN, _N, 6 * _NN, _N, _N, _N]
+)  # fmt: skip
+N_WORK = int(_ENDS[-1])
 
 
 @jit
-def _rate(
-    y: Array, charge: float, w: Array, par: Array, tab: Tables, guess: Array, z: Array, s: Array, dy: Array, aux: Array
-) -> int:
+def views(work: Array) -> Work:
+    """The parts of the array of an integration."""
+    n, e = N_STATES, _ENDS
+    return Work(
+        work[: e[0]], work[e[0] : e[1]], work[e[1] : e[2]], work[e[2] : e[3]], work[e[3] : e[4]],
+        work[e[4] : e[5]].reshape(7, 8), work[e[5] : e[6]], work[e[6] : e[7]], work[e[7] : e[8]], work[e[8] : e[9]],
+        work[e[9] : e[10]], work[e[10] : e[11]].reshape(4, n), work[e[11] : e[12]].reshape(n, n),
+        work[e[12] : e[13]].reshape(n, n), work[e[13] : e[14]], work[e[14] : e[15]].reshape(6, n, n),
+        work[e[15] : e[16]], work[e[16] : e[17]], work[e[17] : e[18]],
+    )  # fmt: skip
+
+
+@jit
+def _rate(k: Work, y: Array, dy: Array, par: Array, tab: Tables) -> int:
     """Right-hand side in terms of the integration vector y."""
     for i in range(N_STATES):
-        s[i] = y[i]
-    s[5] = charge - y[0]
-    status = rhs(s, w, par, tab, guess, z, dy, aux)
-    dy[5] = aux[HEAT_IN]
+        k.s[i] = y[i]
+    k.s[5] = k.memory[CHARGE] - y[0]
+    status = rhs(k.s, k.held, par, tab, k.guess, k.z, dy, k.aux)
+    dy[5] = k.aux[HEAT_IN]
     return status
 
 
 @jit
-def _factor(a: Array, pivots: NDArray[np.int64]) -> bool:
+def _factor(a: Array, pivots: Array) -> bool:
     """LU factors of `a` in place, rows exchanged; False when singular."""
     n = a.shape[0]
     for k in range(n):
@@ -129,10 +210,10 @@ def _factor(a: Array, pivots: NDArray[np.int64]) -> bool:
 
 
 @jit
-def _substitute(a: Array, pivots: NDArray[np.int64], b: Array) -> None:
+def _substitute(a: Array, pivots: Array, b: Array) -> None:
     n = a.shape[0]
     for k in range(n):
-        p = pivots[k]
+        p = int(pivots[k])
         if p != k:
             b[k], b[p] = b[p], b[k]
     for k in range(n):
@@ -146,132 +227,243 @@ def _substitute(a: Array, pivots: NDArray[np.int64], b: Array) -> None:
 
 
 @jit
-def _jacobian(
-    y0: Array,
-    f0: Array,
-    jac: Array,
-    dy: Array,
-    trial: Array,
-    s: Array,
-    charge: float,
-    w: Array,
-    par: Array,
-    tab: Tables,
-    guess: Array,
-    z: Array,
-    aux: Array,
-) -> None:
-    """Jacobian of the rates at y0 by forward differences, backward where forward leads out of the tables.
+def _jacobian(k: Work, par: Array, tab: Tables) -> None:
+    """Jacobian of the rates at y0, where they are f0, by forward differences, backward where those leave the tables.
 
     Only what depends on a component is evaluated again: wall temperatures (3, 4, 9, 10, 11) move neither pressures nor
     zones, the condenser's energy and first zone (6, 7) not the evaporator.
     """
-    n = N_STATES
+    n, s, dy, trial = N_STATES, k.s, k.rate, k.trial
+    charge = k.memory[CHARGE]
     for i in range(n):
-        s[i] = y0[i]
-    s[5] = charge - y0[0]
-    ev, suction, _ = evaporator_zones(s, par, tab, guess[0])
-    co, _ = condenser_zones(s, suction, par, tab, guess[1])
+        s[i] = k.y0[i]
+    s[5] = charge - k.y0[0]
+    ev, suction, _ = evaporator_zones(s, par, tab, k.guess[0])
+    co, _ = condenser_zones(s, suction, par, tab, k.guess[1])
     for j in range(n):
         if j == 5:
             for i in range(n):
-                jac[i, j] = 0.0
+                k.jac[i, j] = 0.0
             continue
         for i in range(n):
-            trial[i] = y0[i]
+            trial[i] = k.y0[i]
         trial[j] += _DIFFERENCE[j]
         failed = 0
         if j == 3 or j == 4 or j >= 9:
             s[j] = trial[j]
-            balances(s, w, par, tab, ev, suction, co, z, dy, aux)
-            dy[5] = aux[HEAT_IN]
-            s[j] = y0[j]
+            balances(s, k.held, par, tab, ev, suction, co, k.z, dy, k.aux)
+            dy[5] = k.aux[HEAT_IN]
+            s[j] = k.y0[j]
         elif j == 6 or j == 7:
             s[j] = trial[j]
             other, failed = condenser_zones(s, suction, par, tab, co.p)
-            balances(s, w, par, tab, ev, suction, other, z, dy, aux)
-            dy[5] = aux[HEAT_IN]
-            s[j] = y0[j]
+            balances(s, k.held, par, tab, ev, suction, other, k.z, dy, k.aux)
+            dy[5] = k.aux[HEAT_IN]
+            s[j] = k.y0[j]
         else:
-            failed = _rate(trial, charge, w, par, tab, guess, z, s, dy, aux)
+            failed = _rate(k, trial, dy, par, tab)
             for i in range(n):
-                s[i] = y0[i]
-            s[5] = charge - y0[0]
+                s[i] = k.y0[i]
+            s[5] = charge - k.y0[0]
         if failed != 0:
-            trial[j] = y0[j] - _DIFFERENCE[j]
-            _rate(trial, charge, w, par, tab, guess, z, s, dy, aux)
+            trial[j] = k.y0[j] - _DIFFERENCE[j]
+            _rate(k, trial, dy, par, tab)
             for i in range(n):
-                s[i] = y0[i]
-            s[5] = charge - y0[0]
-        inv = 1.0 / (trial[j] - y0[j])
+                s[i] = k.y0[i]
+            s[5] = charge - k.y0[0]
+        inv = 1.0 / (trial[j] - k.y0[j])
         for i in range(n):
-            jac[i, j] = (dy[i] - f0[i]) * inv
+            k.jac[i, j] = (dy[i] - k.f0[i]) * inv
+    k.memory[AGE] = k.memory[PHI_S] = 0.0
 
 
 @jit
-def _advance_once(
-    y0: Array,
-    y1: Array,
-    f0: Array,
-    f1: Array,
-    jac: Array,
-    lu: Array,
-    u: Array,
-    trial: Array,
-    s: Array,
-    pivots: NDArray[np.int64],
-    memory: Array,
-    charge: float,
-    w: Array,
-    par: Array,
-    tab: Tables,
-    guess: Array,
-    z: Array,
-    aux: Array,
-) -> int:
+def _times(a: Array, b: Array, c: Array) -> None:
+    """Matrix product a b in c."""
+    for i in range(a.shape[0]):
+        c[i] = 0.0
+        for m in range(a.shape[0]):
+            f = a[i, m]
+            for j in range(a.shape[0]):
+                c[i, j] += f * b[m, j]
+
+
+@jit
+def _make_phi(k: Work, h: float) -> None:
+    """Functions phi_0 .. phi_3 of h times the Jacobian, phi_1 of half of that.
+
+    By the series of phi_3 at a matrix halved until it is small, the recursion ``phi_k = 1/k! + A phi_{k+1}``, and
+    ``phi_k(2A) = [phi_0(A) phi_k(A) + sum_{j=1..k} phi_j(A)/(k-j)!] / 2^k``. In the units of `ERROR_SCALE`, in which
+    the Jacobian is no larger than its eigenvalues ask for.
+    """
+    n, phi, a, room = N_STATES, k.phi, k.lu, k.phi[ROOM]
+    largest = 0.0
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            a[i, j] = h * k.jac[i, j] * ERROR_SCALE[j] / ERROR_SCALE[i]
+            total += abs(a[i, j])
+        largest = max(largest, total)
+    halvings = 1
+    while largest > _SERIES_RADIUS * 2.0**halvings and halvings < 60:
+        halvings += 1
+    a *= 0.5**halvings
+    # 1/3! + A/4! + A^2/5! + ..., from its far end
+    phi[PHI_3] = a / _FACTORIAL[_SERIES_TERMS + 3]
+    for m in range(_SERIES_TERMS - 1, -1, -1):
+        for i in range(n):
+            phi[PHI_3, i, i] += 1.0 / _FACTORIAL[m + 3]
+        if m > 0:
+            _times(a, phi[PHI_3], room)
+            phi[PHI_3] = room
+    for p in range(PHI_2, PHI_0 - 1, -1):
+        _times(a, phi[p + 1], phi[p])
+        for i in range(n):
+            phi[p, i, i] += 1.0 / _FACTORIAL[p - PHI_0]
+    for doubling in range(halvings):
+        if doubling == halvings - 1:
+            phi[PHI_HALF] = phi[PHI_1]
+        _times(phi[PHI_0], phi[PHI_3], room)
+        for i in range(n):
+            for j in range(n):
+                room[i, j] += 0.5 * phi[PHI_1, i, j] + phi[PHI_2, i, j] + phi[PHI_3, i, j]
+                phi[PHI_3, i, j] = 0.125 * room[i, j]
+        _times(phi[PHI_0], phi[PHI_2], room)
+        for i in range(n):
+            for j in range(n):
+                room[i, j] += phi[PHI_1, i, j] + phi[PHI_2, i, j]
+                phi[PHI_2, i, j] = 0.25 * room[i, j]
+        _times(phi[PHI_0], phi[PHI_1], room)
+        for i in range(n):
+            for j in range(n):
+                phi[PHI_1, i, j] = 0.5 * (room[i, j] + phi[PHI_1, i, j])
+        _times(phi[PHI_0], phi[PHI_0], room)
+        phi[PHI_0] = room
+    for i in range(n):
+        for j in range(n):
+            unit = ERROR_SCALE[i] / ERROR_SCALE[j]
+            for p in range(ROOM):
+                phi[p, i, j] *= unit
+    k.memory[PHI_S] = h
+
+
+@jit
+def _remainder(k: Work, d: Array, out: Array, par: Array, tab: Tables) -> int:
+    """``N = f(y0 + d) - f0 - J d`` in `out`; 0, or 1 when there is no f."""
+    for i in range(N_STATES):
+        k.trial[i] = k.y0[i] + d[i]
+    failed = _rate(k, k.trial, out, par, tab)
+    for i in range(N_STATES):
+        v = out[i] - k.f0[i]
+        for j in range(N_STATES):
+            v -= k.jac[i, j] * d[j]
+        out[i] = v
+    return failed
+
+
+@jit
+def _exponential_state(k: Work, share: float, h: float, out: Array) -> float:
+    """State after a `share` of the exponential step of length h from y0 in `out`; its error estimate.
+
+    The phi functions must be those of share times h; a and b are in rows 1 and 2 of `k.u`.
+    """
+    error = 0.0
+    for i in range(N_STATES):
+        v, e = 0.0, 0.0
+        for j in range(N_STATES):
+            second, third = k.phi[PHI_2, i, j], 2.0 * k.phi[PHI_3, i, j]
+            v += k.phi[PHI_1, i, j] * k.f0[j] + share * second * k.u[1, j] + share * share * third * k.u[2, j]
+            e += (third - second) * k.u[2, j]
+        out[i] = k.y0[i] + share * h * v
+        e *= h / (ERROR_SCALE[i] * k.memory[TOLERANCE])
+        error += e * e
+    return float(np.sqrt(error / N_STATES))
+
+
+@jit
+def _exponential_step(k: Work, h: float, par: Array, tab: Tables) -> bool:
+    """Step of length h from y0 (rate f0 known) to y1 (rate f1), if its error estimate allows."""
+    memory, d, a, b = k.memory, k.u[0], k.u[1], k.u[2]
+    if memory[AGE] >= MAX_PHI_AGE:
+        _jacobian(k, par, tab)
+    for _ in range(2):
+        if memory[PHI_S] != h:
+            _make_phi(k, h)
+        for i in range(N_STATES):
+            v = 0.0
+            for j in range(N_STATES):
+                v += k.phi[PHI_HALF, i, j] * k.f0[j]
+            d[i] = 0.5 * h * v
+        ok = _remainder(k, d, b, par, tab) == 0
+        if ok:
+            for i in range(N_STATES):
+                v = 0.0
+                for j in range(N_STATES):
+                    v += k.phi[PHI_1, i, j] * k.f0[j] + 2.0 * k.phi[PHI_2, i, j] * b[j]
+                d[i] = h * v
+            ok = _remainder(k, d, a, par, tab) == 0
+        if ok:
+            for i in range(N_STATES):
+                end = a[i]
+                b[i] = 2.0 * end - 4.0 * b[i]
+                a[i] = end - b[i]
+            error = _exponential_state(k, 1.0, h, k.y1)
+            if error <= MAX_PHI_ERROR and _rate(k, k.y1, k.f1, par, tab) == 0:
+                memory[H_LAST], memory[EXPONENTIAL] = h, 1.0
+                memory[N_STEPS] += 1.0
+                memory[AGE] += 1.0
+                return True
+        memory[N_REJECTED] += 1.0
+        if memory[AGE] == 0.0:
+            break
+        _jacobian(k, par, tab)
+    return False
+
+
+@jit
+def _rosenbrock_step(k: Work, par: Array, tab: Tables) -> int:
     """One accepted step from y0 (rate f0 known) to y1 (rate f1); sizes in `memory`. 0, or 1 when none worked."""
-    n = N_STATES
+    n, memory, y0, y1, u, lu = N_STATES, k.memory, k.y0, k.y1, k.u, k.lu
     if memory[AGE] >= MAX_AGE:
-        _jacobian(y0, f0, jac, u[0], trial, s, charge, w, par, tab, guess, z, aux)
-        memory[AGE] = 0.0
+        _jacobian(k, par, tab)
     h = memory[H_NEXT]
     rejected = False
     for _ in range(40):
         diagonal = 1.0 / (_GAMMA * h)
         for i in range(n):
             for j in range(n):
-                lu[i, j] = -jac[i, j]
+                lu[i, j] = -k.jac[i, j]
             lu[i, i] += diagonal
-        ok = _factor(lu, pivots)
+        ok = _factor(lu, k.pivots)
         if ok:
             for stage in range(4):
                 if stage == 0:
                     for i in range(n):
-                        u[0, i] = f0[i]
+                        u[0, i] = k.f0[i]
                 else:
                     for i in range(n):
                         v = y0[i]
-                        for k in range(stage):
-                            v += _A[stage, k] * u[k, i]
-                        trial[i] = v
-                    if _rate(trial, charge, w, par, tab, guess, z, s, u[stage], aux) != 0:
+                        for m in range(stage):
+                            v += _A[stage, m] * u[m, i]
+                        k.trial[i] = v
+                    if _rate(k, k.trial, u[stage], par, tab) != 0:
                         ok = False
                         break
                     for i in range(n):
                         v = 0.0
-                        for k in range(stage):
-                            v += _C[stage, k] * u[k, i]
+                        for m in range(stage):
+                            v += _C[stage, m] * u[m, i]
                         u[stage, i] += v / h
-                _substitute(lu, pivots, u[stage])
+                _substitute(lu, k.pivots, u[stage])
         error = 0.0
         kept = 0.0
         if ok:
             for i in range(n):
                 v = y0[i]
                 e = 0.0
-                for k in range(4):
-                    v += _M[k] * u[k, i]
-                    e += _E[k] * u[k, i]
+                for m in range(4):
+                    v += _M[m] * u[m, i]
+                    e += _E[m] * u[m, i]
                 y1[i] = v
                 e /= ERROR_SCALE[i] * memory[TOLERANCE]
                 error += e * e
@@ -279,7 +471,7 @@ def _advance_once(
                     e *= MAX_ERROR / MAX_SHAPE_ERROR
                 kept += e * e
             error, kept = np.sqrt(error / n), np.sqrt(kept / n)
-            ok = error == error and _rate(y1, charge, w, par, tab, guess, z, s, f1, aux) == 0
+            ok = error == error and _rate(k, y1, k.f1, par, tab) == 0
         # A step accepted in spite of its error estimate must at least not throw the outlets' enthalpies about.
         calm = abs(y1[2] - y0[2]) < MAX_JUMP_J_KG and abs(y1[8] - y0[8]) < MAX_JUMP_J_KG
         if ok and (error <= 1.0 or (h <= MIN_STEP_S * 1.0001 and kept < MAX_ERROR and calm)):
@@ -304,99 +496,130 @@ def _advance_once(
             if h < 1.0e-7:
                 return 1
         if memory[AGE] > 0.0:
-            _jacobian(y0, f0, jac, u[0], trial, s, charge, w, par, tab, guess, z, aux)
-            memory[AGE] = 0.0
+            _jacobian(k, par, tab)
     return 1
 
 
 @jit
-def run(
-    y: Array,
-    y0: Array,
-    y1: Array,
-    f0: Array,
-    f1: Array,
-    jac: Array,
-    lu: Array,
-    u: Array,
-    trial: Array,
-    s: Array,
-    pivots: NDArray[np.int64],
-    memory: Array,
-    charge: float,
-    w: Array,
-    par: Array,
-    tab: Tables,
-    guess: Array,
-    z: Array,
-    aux: Array,
-    until: float,
-) -> int:
-    """Bring `y` to `until` seconds after the last change of inputs; results at that time in `y` and `aux`.
+def _run(k: Work, par: Array, tab: Tables, until: float) -> int:
+    """Bring `y` to `until` seconds after the last change of inputs; results at that time in `aux`.
 
     Returns 0, or 1 when the state cannot be continued inside the property tables.
     """
-    if memory[FRESH] != 0.0:
-        # Inputs have changed: restart from where we are.
-        for i in range(N_STATES):
-            y0[i] = y[i]
-            y1[i] = y[i]
-        if _rate(y1, charge, w, par, tab, guess, z, s, f1, aux) != 0:
-            return 1
-        memory[POWERS] = abs(aux[Q_AIR_E]) + abs(aux[Q_AIR_C]) + abs(aux[POWER])
-        memory[T_LAST], memory[H_LAST] = 0.0, 0.0
-        memory[H_NEXT] = min(memory[H_NEXT], FIRST_STEP_S)
-        memory[FRESH] = 0.0
+    memory = k.memory
     while memory[T_LAST] + memory[H_LAST] < until:
         memory[T_LAST] += memory[H_LAST]
         for i in range(N_STATES):
-            y0[i] = y1[i]
-            f0[i] = f1[i]
-        if _advance_once(y0, y1, f0, f1, jac, lu, u, trial, s, pivots, memory, charge, w, par, tab, guess, z, aux) != 0:
+            k.y0[i] = k.y1[i]
+            k.f0[i] = k.f1[i]
+        first, memory[FIRST], memory[EXPONENTIAL] = memory[FIRST], 0.0, 0.0
+        if not (first > 0.0 and _exponential_step(k, first, par, tab)) and _rosenbrock_step(k, par, tab) != 0:
             return 1
-        powers = abs(aux[Q_AIR_E]) + abs(aux[Q_AIR_C]) + abs(aux[POWER])
+        k.aux_1[:] = k.aux
+        powers = _powers(k.aux)
         memory[MOVED] += 0.5 * memory[H_LAST] * (powers + memory[POWERS])
         memory[POWERS] = powers
-    h = memory[H_LAST]
-    if h > 0.0:
-        t = (until - memory[T_LAST]) / h
+    memory[T_HELD] = until
+    return _read(k, par, tab, until - memory[T_LAST])
+
+
+@jit
+def _powers(aux: Array) -> float:
+    """Magnitudes of the three powers, summed."""
+    total: float = abs(aux[Q_AIR_E]) + abs(aux[Q_AIR_C]) + abs(aux[POWER])
+    return total
+
+
+@jit
+def _read(k: Work, par: Array, tab: Tables, after: float) -> int:
+    """State `after` seconds from the start of the last step in `y`, results there in `aux`; 0 or 1 as `rhs`."""
+    h = k.memory[H_LAST]
+    if after == h:
+        k.y[:] = k.y1
+        k.aux[:] = k.aux_1
+        return 0
+    if k.memory[EXPONENTIAL] != 0.0:
+        if k.memory[PHI_S] != after:
+            _make_phi(k, after)
+        _exponential_state(k, after / h, h, k.y)
+    else:
+        t = after / h
         a = t * t * (3.0 - 2.0 * t)
         b = t * (1.0 - t) * (1.0 - t) * h
         c = t * t * (t - 1.0) * h
         for i in range(N_STATES):
-            y[i] = y0[i] + a * (y1[i] - y0[i]) + b * f0[i] + c * f1[i]
+            k.y[i] = k.y0[i] + a * (k.y1[i] - k.y0[i]) + b * k.f0[i] + c * k.f1[i]
     # Reading results must not disturb the steps to come: the solver's warm start stays theirs.
-    guess_e, guess_c = guess[0], guess[1]
-    status = _rate(y, charge, w, par, tab, guess, z, s, trial, aux)
-    guess[0], guess[1] = guess_e, guess_c
+    guess_e, guess_c = k.guess[0], k.guess[1]
+    status = _rate(k, k.y, k.rate, par, tab)
+    k.guess[0], k.guess[1] = guess_e, guess_c
     return status
 
 
-class Work(NamedTuple):
-    """The arrays of one integration, as `run` takes them: last step's ends and rates there, work space, memory."""
+@jit
+def _restart(k: Work, par: Array, tab: Tables) -> int:
+    """Begin anew at `y` with other inputs; 0 or 1 as `rhs`."""
+    memory = k.memory
+    for i in range(N_STATES):
+        k.y0[i] = k.y1[i] = k.y[i]
+    status = _rate(k, k.y1, k.f1, par, tab)
+    k.aux_1[:] = k.aux
+    memory[POWERS] = _powers(k.aux)
+    memory[FIRST] = FIRST_STEP_S if memory[T_HELD] <= 0.0 else min(memory[T_HELD], FIRST_STEP_S)
+    memory[T_LAST] = memory[H_LAST] = memory[CLOCK_NS] = memory[T_HELD] = 0.0
+    memory[H_NEXT] = min(memory[H_NEXT], FIRST_STEP_S)
+    return status
 
-    y0: Array
-    y1: Array
-    f0: Array
-    f1: Array
-    jac: Array
-    lu: Array
-    u: Array
-    trial: Array
-    s: Array
-    pivots: NDArray[np.int64]
-    memory: Array
+
+@jit
+def run(work: Array, par: Array, tab: Tables, inputs: Array, duration_s: float, out: Array) -> int:
+    """Run on with `inputs` held, clipped to the permitted box.
+
+    Parameters
+    ----------
+    work : (N_WORK,) array
+        From `new_work`.
+    par, tab
+        As `ac_plant_node.model.rhs`.
+    inputs : (4,) array
+        As `ac_plant_node.model.rhs`.
+    duration_s : float
+        Resolved to a nanosecond.
+    out : (4,) array
+        Result: p_e Pa, SH K, T_w degC, p_c Pa.
+
+    Returns
+    -------
+    int
+        0; 1 when the state cannot be continued inside the property tables; 2 for inputs that are not finite.
+    """
+    k = views(work)
+    changed = False
+    for i in range(4):
+        if not np.isfinite(inputs[i]):
+            return NOT_FINITE
+    for i in range(4):
+        w = min(max(inputs[i], INPUT_LOW[i]), INPUT_HIGH[i])
+        changed = changed or w != k.held[i]
+        k.held[i] = w
+    if changed and _restart(k, par, tab) != 0:
+        k.held[:] = np.nan  # the next call has to begin anew, too
+        return OUTSIDE
+    k.memory[CLOCK_NS] += round(duration_s * 1.0e9)
+    status = _run(k, par, tab, k.memory[CLOCK_NS] * 1.0e-9)
+    out[0], out[1], out[2], out[3] = k.aux[P_E], k.aux[SUPERHEAT], k.aux[WALL_E2] - 273.15, k.aux[P_C]
+    return status
 
 
-def new_work(tolerance: float = DEFAULT_TOLERANCE) -> Work:
-    """Arrays for an integration that starts."""
-    n = N_STATES
-    memory = np.zeros(N_MEMORY)
-    memory[H_NEXT] = 0.02
-    memory[FRESH] = 1.0
-    memory[TOLERANCE] = tolerance
-    memory[AGE] = MAX_AGE
-    return Work(
-        np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((n, n)), np.zeros((n, n)), np.zeros((4, n)),
-        np.zeros(n), np.zeros(n), np.zeros(n, dtype=np.int64), memory,
-    )  # fmt: skip
+def new_work(state: Array, tolerance: float = DEFAULT_TOLERANCE) -> Array:
+    """Array of an integration that starts at `state` (12,), see `ac_plant_node.model`; `run` goes on with it."""
+    work = np.zeros(N_WORK)
+    k = views(work)
+    k.guess[:], k.held[:] = new_workspace()[0], np.nan
+    k.y[:] = state
+    k.y[5] = 0.0
+    k.memory[CHARGE] = state[0] + state[5]
+    k.memory[H_NEXT] = 0.02
+    k.memory[TOLERANCE] = tolerance
+    k.memory[AGE] = max(MAX_AGE, MAX_PHI_AGE)
+    return work

@@ -56,9 +56,13 @@ STATE_NAMES = (
     "zeta_e1", "p_e", "h_e2", "T_e1w", "T_e2w", "zeta_c1", "zeta_c2", "p_c", "h_c3", "T_c1w", "T_c2w", "T_c3w",
 )  # fmt: skip
 """Names of the public state x."""
+INPUT_LOW = np.array([0.0, 0.0, 0.02, 10.0])
+"""Lowest inputs: rad/s, opening 0..1, kg/s, degC."""
+INPUT_HIGH = np.array([6000.0 * math.pi / 30.0, 1.0, 0.3, 50.0])
+"""Highest inputs: 6000 rpm, valve fully open, 0.3 kg/s, 50 degC."""
 
 # Positions in the array of auxiliary results.
-X = 0  # the public state, 12 numbers
+X, P_E, P_C = 0, 1, 7  # the public state, 12 numbers, with the pressures in it
 M_COMPRESSOR, M_VALVE, Q_EVAPORATOR, Q_AIR_E, Q_AIR_C, POWER = 12, 13, 14, 15, 16, 17
 H_DISCHARGE, SUPERHEAT, SUBCOOLING, REGIME_E, REGIME_C, ETA_V = 18, 19, 20, 21, 22, 23
 VOID_E, VOID_C, HEAT_IN, WALL_E2, MASS, ENERGY = 24, 25, 26, 27, 28, 29

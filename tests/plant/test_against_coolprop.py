@@ -104,7 +104,7 @@ def test_rates_agree_away_from_equilibrium(point):
     rates = direct.rates(s, w)
     assert plant.outputs.evaporator_pressure_pa == pytest.approx(direct.aux[1], rel=1e-6)
     assert plant.outputs.condenser_pressure_pa == pytest.approx(direct.aux[7], rel=1e-6)
-    np.testing.assert_allclose(plant._work[3][[0, 1, 2, 6, 7, 8]], rates[[0, 1, 2, 6, 7, 8]], rtol=1e-4)
+    np.testing.assert_allclose(plant._work.f1[[0, 1, 2, 6, 7, 8]], rates[[0, 1, 2, 6, 7, 8]], rtol=1e-4)
 
 
 @pytest.mark.parametrize("point", POINTS)

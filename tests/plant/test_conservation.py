@@ -53,6 +53,47 @@ def test_cutting_a_duration_changes_no_bit():
     assert (whole.state == cut.state).all()
 
 
-def test_nan_is_refused_with_one_line():
-    with pytest.raises(ValueError, match="finite"):
-        Plant.at("med").advance(0.1, compressor_speed_rpm=float("nan"))
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("which", range(4))
+def test_inputs_that_are_not_finite_are_refused_with_one_line_and_leave_the_plant_as_it_is(which, bad):
+    plant, other = Plant.at("med"), Plant.at("med")
+    w = plant.inputs
+    w[which] = bad
+    with pytest.raises(ValueError, match="four finite numbers") as refused:
+        plant.step(w, 0.1)
+    assert "\n" not in str(refused.value)
+    w = other.inputs * 1.01
+    assert (plant.step(w, 0.1) == other.step(w, 0.1)).all()
+
+
+@pytest.mark.parametrize("shape", [(3,), (5,), (1, 4)])
+def test_other_than_four_inputs_are_refused(shape):
+    with pytest.raises(ValueError, match="four finite numbers"):
+        Plant.at("med").step(np.ones(shape), 0.1)
+
+
+def test_a_state_is_the_same_read_on_the_way_or_at_the_end_of_a_step():
+    """Commands that jump every tick: reading in between changes no bit of what comes after, and reads the truth."""
+    rng = np.random.default_rng(1)
+    whole, cut, exact = Plant.at("med"), Plant.at("med"), Plant.at("med", tolerance=1e-9)
+    rest = whole.inputs
+    between = []
+    for _ in range(200):
+        w = rest * (1.0 + 0.01 * rng.standard_normal(4))
+        a = whole.step(w, 0.1)
+        between.append(cut.step(w, 0.023) - exact.step(w, 0.023))
+        b = cut.step(w, 0.077)
+        assert (a == b).all()
+        exact.step(w, 0.077)
+    assert (np.abs(between).max(axis=0) < [20.0, 0.02, 0.02, 40.0]).all()
+
+
+def test_a_small_jump_is_one_exponential_step_and_as_good_as_many_small_ones():
+    """Both kinds of step solve the same equations: they agree to a thousandth of the sensors' noise."""
+    one, many = Plant.at("med"), Plant.at("med", tolerance=1e-9)
+    w = one.inputs * np.array([1.005, 1.002, 1.0, 1.0])
+    tried = one.steps_tried
+    a, b = one.step(w, 0.1), many.step(w, 0.1)
+    assert one.steps_tried == tried + 1
+    assert many.steps_tried > 10
+    assert (np.abs(a - b) < [0.2, 1e-4, 5e-5, 0.2]).all()

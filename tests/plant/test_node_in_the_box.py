@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ac_plant_node import Plant
-from ac_plant_node.plant import INPUT_HIGH, INPUT_LOW
+from ac_plant_node.model import INPUT_HIGH, INPUT_LOW
 from bringup.bags.feeder import Feeder
 from bringup.ros.cdr import columns, packer
 from bringup.ros.graph import node_arguments

@@ -6,8 +6,7 @@ import pytest
 from ac_plant_node import POINTS, Plant, operating_point
 from ac_plant_node.calibration import RPM
 from ac_plant_node.lookup import saturation
-from ac_plant_node.model import REGIME_C, REGIME_E
-from ac_plant_node.plant import INPUT_HIGH, INPUT_LOW
+from ac_plant_node.model import INPUT_HIGH, INPUT_LOW, REGIME_C, REGIME_E
 from ac_plant_node.tables import load_tables
 
 
