@@ -109,28 +109,28 @@ def simulate(
     plant_log, air_log, measured_log, innovation_log = (
         log[key] for key in ("outputs", "air_inlet", "measured", "innovation")
     )
-    residual_log, q_log, command_log, actuator_log = (log[key] for key in ("residual", "q", "command", "actuator"))
+    residual_log, q_log, command_log = (log[key] for key in ("residual", "q", "command"))
+    inputs_log = np.hstack([np.empty((ticks, 2)), plan.air])
     status: list[StatusRow] = []
     first, second = designs.fdi.thresholds.tolist()
     thresholds = (first, second)
     times, faults, inlets = plan.time_s.tolist(), plan.faults.tolist(), plan.air[:, 1].tolist()
-    inputs = rest.inputs.copy()
     outputs = rest.outputs
     # The plant reports the inlet temperature that acted until now: the one held over the sample just past.
-    air_inlet_temperature_c = float(inputs[3])
+    air_inlet_temperature_c = float(rest.inputs[3])
     started = time.perf_counter()
-    for k in range(ticks):
+    for k, (reference, inputs) in enumerate(zip(plan.reference, inputs_log, strict=True)):
         time_s, (f_n, f_p) = times[k], faults[k]
         measured = injector.measure(outputs[:3], f_p)
         found = detector.observe(time_s, measured, air_inlet_temperature_c)
         q = compensator.step(found.innovation, found.isolated, found.also_isolated)
-        command = controller.step(plan.reference[k], measured, q)
+        command = controller.step(reference, measured, q)
         detector.commanded(command)
-        if compensator.does != compensator_does:
-            compensator_does = compensator.does
+        if (does := compensator.does) != compensator_does:
+            compensator_does = does
             events.append({"time_s": time_s, "node": COMPENSATOR, "what": compensator_does or AS_USUAL})
-        if controller.does != controller_does:
-            controller_does = controller.does
+        if (does := controller.does) != controller_does:
+            controller_does = does
             events.append({"time_s": time_s, "node": CONTROLLER, "what": controller_does or AS_USUAL})
         actuator = injector.actuate(command, f_n)
 
@@ -141,22 +141,10 @@ def simulate(
         residual_log[k] = found.residual
         q_log[k] = q
         command_log[k] = command
-        actuator_log[k] = actuator
-        status.append(
-            StatusRow(
-                time_s,
-                found.detected,
-                found.isolated,
-                found.size,
-                found.onset_s,
-                found.isolated_s,
-                thresholds,
-                found.also_isolated,
-            )
-        )
+        _, _, _, detected, isolated, size, onset_s, isolated_s, also_isolated = found
+        status.append(StatusRow(time_s, detected, isolated, size, onset_s, isolated_s, thresholds, also_isolated))
 
         inputs[:2] = actuator
-        inputs[2:] = plan.air[k]
         air_inlet_temperature_c = inlets[k]
         try:
             outputs = plant.step(inputs, sample_time_s)
@@ -168,6 +156,7 @@ def simulate(
     if progress is not None:
         progress(ticks, ticks)
 
+    log["actuator"] = inputs_log[:, :2]
     log["reference"], log["air"], log["faults"] = plan.reference, plan.air, plan.faults
     return Recording(
         time_s=plan.time_s,
@@ -198,7 +187,6 @@ _WIDTHS = {
     "residual": 2,
     "q": 2,
     "command": 2,
-    "actuator": 2,
 }
 
 #: Which column of which logged array a recorded series is.

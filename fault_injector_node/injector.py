@@ -4,12 +4,14 @@ The superheat is measured by itself (the paper), or, as in a car, derived from a
 that is *measured*: `SH = T_out - T_sat(p_e)`, so what is wrong with the pressure is wrong with the superheat as well.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 Vector = NDArray[np.float64]
+
+_TICKS_AT_ONCE = 200
 
 
 class FaultInjector:
@@ -42,12 +44,11 @@ class FaultInjector:
             from ac_plant_node.saturation import saturation_temperature  # loads the property tables
 
             self._saturation_temperature = saturation_temperature
-        self._noise_std = np.asarray(noise_std, dtype=np.float64)
-        if self._noise_std.shape != (3,) or not np.all(self._noise_std >= 0.0):
+        std = np.asarray(noise_std, dtype=np.float64)
+        if std.shape != (3,) or not np.all(std >= 0.0):
             msg = f"noise_std is {list(noise_std)}; allowed: three numbers, none negative"
             raise ValueError(msg)
-        self._noisy = bool(np.any(self._noise_std > 0.0))
-        self._random = np.random.default_rng(seed)
+        self._noise = _noise(std, seed) if np.any(std > 0.0) else None
 
     def measure(self, actual: Vector, f_p: float) -> Vector:
         """Measurement of this tick.
@@ -64,7 +65,7 @@ class FaultInjector:
         ndarray, shape (3,)
             As `actual`, with f_p on the pressure and noise on all three.
         """
-        measured: Vector = actual + self._noise_std * self._random.standard_normal(3) if self._noisy else actual.copy()
+        measured: Vector = actual.copy() if self._noise is None else actual + next(self._noise)
         measured[0] += f_p
         if self._derived:
             measured[1] += self._saturation_temperature(actual[0]) - self._saturation_temperature(measured[0])
@@ -86,3 +87,10 @@ class FaultInjector:
         actuator: Vector = command.copy()
         actuator[0] = max(actuator[0] + f_n, 0.0)
         return actuator
+
+
+def _noise(std: Vector, seed: int) -> Iterator[Vector]:
+    """Noise of one tick after the other; drawn for many at once, which is the same noise for less time."""
+    random = np.random.default_rng(seed)
+    while True:
+        yield from std * random.standard_normal((_TICKS_AT_ONCE, 3))

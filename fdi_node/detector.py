@@ -172,7 +172,10 @@ class FaultDetector:
         self._observe = np.ascontiguousarray(np.hstack([through @ to_innovation, own]))
         self._advance = np.ascontiguousarray(np.hstack([design.a, design.b]))
         self._seen, self._next = np.zeros(5 + m), np.zeros(n)
+        self._shown, self._filter_next = self._seen[:5], self._seen[5:]
+        self._output_rest = design.output_rest
         self._command_rest, self._air_rest = design.input_rest[:2], float(design.input_rest[2])
+        self._rules = design.supervision
         self._thresholds: list[float] = design.thresholds.tolist()
         self._above_since = [NOT, NOT]
         self._leads_since = [NOT, NOT]
@@ -268,11 +271,11 @@ class FaultDetector:
         -------
         Detection
         """
-        np.subtract(measured, self.design.output_rest, out=self._deviation)
+        np.subtract(measured, self._output_rest, out=self._deviation)
         self._in[self._air] = air_inlet_temperature_c - self._air_rest
         np.dot(self._observe, self._in, out=self._seen)
-        self._filter[:] = self._seen[5:]
-        seen = self._seen[:5].copy()  # what is handed out stays as it is
+        self._filter[:] = self._filter_next
+        seen = self._shown.copy()  # what is handed out stays as it is
         residual = seen[3:]
         speed, pressure = residual.tolist()
         first, second = self._thresholds
@@ -309,30 +312,38 @@ class FaultDetector:
 
     def _decide(self, time_s: float, *ratios: float) -> None:
         """One step of the state machine on `ratios = |r_i| / threshold_i`."""
-        rules = self.design.supervision
+        rules = self._rules
+        above, below = self._above_since, self._below_since
         for i in (0, 1):
             ratio, other = ratios[i], ratios[1 - i]
             if ratio > 1.0:
-                self._above_since[i] = min(self._above_since[i], time_s)
+                above[i] = min(above[i], time_s)
                 self._leads_since[i] = _since(self._leads_since[i], ratio > rules.lead * other, time_s)
                 self._own_since[i] = _since(self._own_since[i], ratio > rules.cross_talk[i] * other, time_s)
-            else:
-                self._above_since[i] = self._leads_since[i] = self._own_since[i] = NOT
-            self._below_since[i] = min(self._below_since[i], time_s) if ratio < rules.clear_ratio else NOT
+            elif above[i] != NOT:
+                above[i] = self._leads_since[i] = self._own_since[i] = NOT
+            if ratio >= rules.clear_ratio:
+                below[i] = NOT
+            elif below[i] == NOT:
+                below[i] = time_s
         if self._onset_s == NOT:
-            onsets = [since for since in self._above_since if time_s - since >= rules.confirm_s]
-            self._onset_s = min(onsets, default=NOT)
-            self._detected_s = time_s
+            if above[0] != NOT or above[1] != NOT:
+                onsets = [since for since in above if time_s - since >= rules.confirm_s]
+                self._onset_s = min(onsets, default=NOT)
+                self._detected_s = time_s
             return
         self._isolate(time_s)
-        over = [time_s - since >= rules.clear_s for since in self._below_since]
-        self._isolated = [known for known in self._isolated if not over[known.fault]]
-        if all(over):
-            self._onset_s = NOT
+        over = (time_s - below[0] >= rules.clear_s, time_s - below[1] >= rules.clear_s)
+        if over[0] or over[1]:
+            self._isolated = [known for known in self._isolated if not over[known.fault]]
+            if over[0] and over[1]:
+                self._onset_s = NOT
 
     def _isolate(self, time_s: float) -> None:
         """Add to the isolated faults those whose residuals now say so."""
-        rules = self.design.supervision
+        if len(self._isolated) == len(FAULTS):
+            return
+        rules = self._rules
         since, hold_s = self._own_since, rules.also_isolate_s
         if not self._isolated and time_s - self._detected_s < rules.undecided_s:
             since, hold_s = self._leads_since, rules.isolate_s

@@ -97,14 +97,14 @@ class Compensator:
         self.design = design
         self.accommodate = accommodate
         n = len(design.a)
-        self._in, self._seen = np.zeros(n + 3), np.zeros(6 + n)
-        self._state, self._innovation = self._in[:n], self._in[n:]
-        self._signals, self._next = self._seen[:6], self._seen[6:]
-        self._filters = np.ascontiguousarray(np.block([[design.c, design.d], [design.a, design.b]]))
+        self._in, self._seen = np.zeros(n + 15), np.zeros(n + 18)
+        self._known, self._innovation = self._in[: n + 12], self._in[n + 12 :]
+        self._state, self._first_lag, self._forgotten = np.split(self._known, [n, n + 6])
+        self._kept, self._next = self._seen[:6], self._seen[6:]
         times = (design.handover_time_s, design.fade_time_s, design.washout_time_s)
-        self._hands_over, fades, self._forgets = (-math.expm1(-design.sample_time_s / time) for time in times)
+        self._hands_over, fades, forgets = (-math.expm1(-design.sample_time_s / time) for time in times)
         self._fades = 1.0 - fades
-        self._first_lag, self._forgotten, self._kept = np.zeros(6), np.zeros(6), np.zeros(6)
+        self._forgetting, self._holding = _filters(design, forgets), _filters(design, 0.0)
         self._correction = [0.0, 0.0, 0.0, 0.0]  # first lag, then second one
         self._share = float(accommodate)  # of q that is let through
         self._share_step = design.sample_time_s / design.fade_time_s
@@ -166,12 +166,9 @@ class Compensator:
             q [rad/s, 0..1].
         """
         self._innovation[:] = innovation
-        np.dot(self._filters, self._in, out=self._seen)
-        self._state[:] = self._next
-        kept: list[float] = np.subtract(self._signals, self._forgotten, out=self._kept).tolist()
-        if isolated is None:
-            _lag(self._first_lag, self._signals, self._forgets, self._kept)
-            _lag(self._forgotten, self._first_lag, self._forgets, self._kept)
+        np.dot(self._forgetting if isolated is None else self._holding, self._in, out=self._seen)
+        self._known[:] = self._next
+        kept: list[float] = self._kept.tolist()
         guard_speed, guard_valve = kept[0], kept[1]
         correction = self._correction
         if isolated is None or also_isolated is not None:
@@ -192,8 +189,15 @@ class Compensator:
         return np.array([share * speed, share * valve])
 
 
-def _lag(state: Vector, signal: Vector, rate: float, room: Vector) -> None:
-    """One step of a first-order lag, in place; `room` is overwritten."""
-    np.subtract(signal, state, out=room)
-    np.multiply(room, rate, out=room)
-    np.add(state, room, out=state)
+def _filters(design: CompensatorDesign, rate: float) -> Vector:
+    """Matrix of a tick: `[what is kept of the six signals, x+, l+, g+]` of `[x, l, g, f_e]`.
+
+    x is the filters' state and `s = C x + D f_e` the signals. What is kept of them is `s - g`; g, what is forgotten, is
+    s after two lags: `l+ = l + rate (s - l)`, `g+ = g + rate (l+ - g)`.
+    """
+    n, one, none = len(design.a), np.eye(6), np.zeros((6, 6))
+    signals = np.hstack([design.c, none, none, design.d])
+    first, second = (np.hstack([np.zeros((6, n)), *parts, np.zeros((6, 3))]) for parts in ((one, none), (none, one)))
+    first_next = first + rate * (signals - first)
+    states = np.hstack([design.a, np.zeros((n, 12)), design.b])
+    return np.vstack([signals - second, states, first_next, second + rate * (first_next - second)])

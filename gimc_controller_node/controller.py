@@ -90,7 +90,7 @@ class Controller:
         self._output = np.ascontiguousarray(np.hstack([design.c, design.d]))
         self._update = np.ascontiguousarray(np.hstack([design.phi, design.gamma]))
         self._wanted, self._next = np.zeros(2), np.zeros(n)
-        self._q, self._q_offset = np.zeros(2), np.zeros(2)
+        self._q, self._q_offset = [0.0, 0.0], [0.0, 0.0]
         self._q_silent = self._q_met = False
         self._q_keeps = math.exp(-design.sample_time_s / Q_FADE_S)
         self._last: list[float] = design.command_rest.tolist()
@@ -120,10 +120,13 @@ class Controller:
             Compressor speed [rad/s] and valve opening [0..1], within their limits, and within their rates of the
             command before. This is what the plant must get, and what the observer must be told.
         """
-        np.subtract(reference, measured[:2], out=self._error)
+        wanted_pressure, wanted_superheat = reference.tolist()
+        pressure, superheat, *_ = measured.tolist()
+        self._error[0], self._error[1] = wanted_pressure - pressure, wanted_superheat - superheat
         np.dot(self._output, self._seen, out=self._wanted)
-        self._wanted += self._faded(q)
         speed, valve = self._wanted.tolist()
+        q_speed, q_valve = self._faded(q)
+        speed, valve = speed + q_speed, valve + q_valve
         rest, last, low, high, stride = self._rest, self._last, self._low, self._high, self._stride
         speed, valve = speed + rest[0], valve + rest[1]
         sent_speed = max(min(speed, high[0], last[0] + stride[0]), low[0], last[0] - stride[0])
@@ -174,22 +177,23 @@ class Controller:
         missing = sent - design.command_rest - design.d @ error
         self._state[:] = at_rest @ np.linalg.lstsq(design.c @ at_rest, missing, rcond=None)[0]
         self._last[:] = sent.tolist()
-        self._q[:] = self._q_offset[:] = 0.0
+        self._q[:] = self._q_offset[:] = [0.0, 0.0]
         self._q_silent = True
 
-    def _faded(self, q: Vector | None) -> Vector:
+    def _faded(self, q: Vector | None) -> list[float]:
         """What is used of q: q itself, but for the fades around a silence."""
+        used, offset, keeps = self._q, self._q_offset, self._q_keeps
         if q is None:
-            self._q *= self._q_keeps
+            used[0], used[1] = keeps * used[0], keeps * used[1]
             self._q_silent = True
-            return self._q
+            return used
+        speed, valve = q.tolist()
         if self._q_silent:  # the first one after a silence
             self._q_silent, self._q_met = False, True
-            np.subtract(self._q, q, out=self._q_offset)
+            offset[0], offset[1] = used[0] - speed, used[1] - valve
         if self._q_met:
-            self._q_offset *= self._q_keeps
-            np.add(q, self._q_offset, out=self._q)
-            self._q_met = bool(np.abs(self._q_offset).max() > 1e-12)
-        else:
-            self._q[:] = q
-        return self._q
+            offset[0], offset[1] = keeps * offset[0], keeps * offset[1]
+            speed, valve = speed + offset[0], valve + offset[1]
+            self._q_met = max(abs(offset[0]), abs(offset[1])) > 1e-12
+        used[0], used[1] = speed, valve
+        return used

@@ -38,8 +38,8 @@ class FallbackController:
         self._controller = controller
         self._limits = limits or ProtectionLimits()
         self.protection: Protection = IDLE
-        self._lowest_reference = self._limits.lowest_reference
-        pressure, superheat = self._lowest_reference.tolist()
+        pressure, superheat = self._limits.lowest_reference.tolist()
+        self._lowest = (pressure, superheat)
         self._raised = f"reference too low: raised to {pressure / 1e3:g} kPa, {superheat:g} K at least"
         self.is_reference_raised = False
         self._command = controller.design.command_rest.copy()
@@ -54,10 +54,11 @@ class FallbackController:
 
     def step(self, reference: Vector, measured: Vector, q: Vector | None) -> Vector:
         """Command of a tick with references and measurements; q None when there is none."""
-        self.is_reference_raised = bool((reference < self._lowest_reference).any())
+        wanted_pressure, wanted_superheat = reference.tolist()
+        self.is_reference_raised = wanted_pressure < self._lowest[0] or wanted_superheat < self._lowest[1]
         if self.is_reference_raised:
-            reference = np.maximum(reference, self._lowest_reference)
-        pressure, superheat = float(measured[0]), float(measured[1])
+            reference = np.maximum(reference, self._lowest)
+        pressure, superheat, *_ = measured.tolist()
         speed, opening = self._command.tolist()
         protection = protect(
             self.protection, (pressure, superheat), (speed, opening), self._limits, self._sample_time_s
@@ -77,6 +78,8 @@ class FallbackController:
     @property
     def does(self) -> str:
         """All that is out of the ordinary at present, in words; empty when nothing is."""
+        if not self.mode and not self.is_reference_raised and self.protection is IDLE:
+            return ""
         raised = self._raised if self.is_reference_raised else ""
         return "; ".join(text for text in (self.mode, raised, self.protection.reason) if text)
 

@@ -42,7 +42,7 @@ def bench(ticks: int = 1000, rounds: int = 3, realtime_s: float = 60.0, say: Say
         Told what is being measured.
     """
     say("the loop in one process")
-    loop_s, plant_s = loop_speed.loop_seconds()
+    speeds = {words: loop_speed.loop_seconds(noise) for words, noise in (("noise-free", False), ("with noise", True))}
     with tempfile.TemporaryDirectory(prefix="acftc-bench-") as folder:
         out = Path(folder)
         say("warm-up: designs and compiled code into their caches")
@@ -71,12 +71,11 @@ def bench(ticks: int = 1000, rounds: int = 3, realtime_s: float = 60.0, say: Say
     speed, yardstick = statistics.median(graph), statistics.median(bare)
     p50, p99, most = fast.latency_ms
     figures = [
-        Figure(
-            "1000 s of loop at 10 Hz, one process (beside: the plant alone)",
-            "s",
-            loop_s,
-            loop_speed.BAR_S,
-            reference=plant_s,
+        *(
+            Figure(
+                f"1000 s of loop in one process, {words} (beside: plant)", "s", loop, loop_speed.BAR_S, reference=plant
+            )
+            for words, (loop, plant) in speeds.items()
         ),
         Figure("lockstep speed, recording", "ticks/s", speed, reference=yardstick),
         Figure("  as a share of the bare chain", "", speed / yardstick, 0.6, at_least=True),
