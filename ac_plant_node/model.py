@@ -222,6 +222,22 @@ class Heat(NamedTuple):
     wet_c: float
 
 
+class Side(NamedTuple):
+    """What else the balances of one heat exchanger need.
+
+    `volume`; `rho_rate`, `e_rate`: rates of mass and energy over volume; `target`: what the outlet's enthalpy tends to
+    while the single-phase zone before it is absent; `own`: 1, but for such a zone about to vanish; `inward`: whether
+    fluid flows into that zone.
+    """
+
+    volume: float
+    rho_rate: float
+    e_rate: float
+    target: float
+    own: float
+    inward: bool
+
+
 @jit
 def _suction(ev: Evaporator, h_1: float, tab: Tables) -> Suction:
     """State at the compressor's inlet, superheated or wet."""
@@ -309,49 +325,37 @@ def _outlet_targets(ev: Evaporator, co: Condenser) -> tuple[float, float]:
 
 
 @jit
-def _evaporator_rows(
-    z: Array,
-    ev: Evaporator,
-    flow: Flows,
-    heat: Heat,
-    h_e2: float,
-    rho_rate: float,
-    e_rate: float,
-    target: float,
-    own: float,
-    inward: bool,
-    volume: float,
-) -> None:
+def _evaporator_rows(z: Array, ev: Evaporator, flow: Flows, heat: Heat, h_e2: float, side: Side) -> None:
     """Rows 0 (mass), 1 (energy), 2 (superheated zone) of the descriptor system."""
     if ev.regime != 0:
         z[0, 0] = ev.slope
-        z[0, 7] = e_rate - ev.slope_rho * rho_rate
+        z[0, 7] = side.e_rate - ev.slope_rho * side.rho_rate
         z[1, 1] = 1.0
         z[2, 2] = 1.0
-        z[2, 7] = (target - h_e2) / (_TAU_OUTLET_S if ev.regime == 1 else _TAU_MIXED_S)
+        z[2, 7] = (side.target - h_e2) / (_TAU_OUTLET_S if ev.regime == 1 else _TAU_MIXED_S)
         return
     sat, zeta_1, zeta_2 = ev.sat, ev.zeta, 1.0 - ev.zeta
     z[0, 0] = zeta_1 * ev.rho_1_p + zeta_2 * ev.rho_2_p
     z[0, 1] = ev.rho_1 - ev.rho_2
     z[0, 2] = zeta_2 * ev.half * ev.rho_2_h
     z[0, 6] = zeta_1 * (sat.rho_g - sat.rho_f) * ev.void_h
-    z[0, 7] = rho_rate
+    z[0, 7] = side.rho_rate
     z[1, 0] = zeta_1 * ev.e_1_p + zeta_2 * ev.e_2_p - 1.0
     z[1, 1] = ev.e_1 - ev.rho_2 * ev.h_2
     z[1, 2] = zeta_2 * ev.half * (ev.rho_2 + ev.h_2 * ev.rho_2_h)
     z[1, 6] = zeta_1 * (sat.rho_g * sat.h_g - sat.rho_f * sat.h_f) * ev.void_h
-    z[1, 7] = e_rate
-    over = ev.h_2 - sat.h_g if inward else 0.0
+    z[1, 7] = side.e_rate
+    over = ev.h_2 - sat.h_g if side.inward else 0.0
     z[2, 0] = zeta_2 * (ev.rho_2 * ev.h_2_p + over * ev.rho_2_p - 1.0)
     z[2, 1] = -over * ev.rho_2
     z[2, 2] = max(zeta_2, _ZETA_FLOOR) * 0.5 * (ev.rho_2 + over * ev.rho_2_h)
-    z[2, 7] = (flow.m_c * (ev.h_2 - over - h_e2) + zeta_2 * heat.q_e2) / volume
+    z[2, 7] = (flow.m_c * (ev.h_2 - over - h_e2) + zeta_2 * heat.q_e2) / side.volume
     # The linear profile must not carry the outlet below saturation, nor stay above every temperature around it.
     z[2, 7] -= z[2, 2] * (min(h_e2 - sat.h_g, 0.0) + _CP_VAPOUR * max(heat.excess, 0.0)) / _TAU_OUTLET_S
-    if own < 1.0:
+    if side.own < 1.0:
         pseudo = (ev.h_2 - h_e2) / _TAU_MIXED_S if zeta_1 < 0.5 else (sat.h_g - h_e2) / _TAU_OUTLET_S
-        z[2, 0], z[2, 1] = own * z[2, 0], own * z[2, 1]
-        z[2, 7] = own * z[2, 7] + (1.0 - own) * z[2, 2] * pseudo
+        z[2, 0], z[2, 1] = side.own * z[2, 0], side.own * z[2, 1]
+        z[2, 7] = side.own * z[2, 7] + (1.0 - side.own) * z[2, 2] * pseudo
 
 
 @jit
@@ -364,12 +368,7 @@ def _condenser_rows(
     h_c3: float,
     c_pe: float,
     c_h2: float,
-    rho_rate: float,
-    e_rate: float,
-    target: float,
-    own: float,
-    inward: bool,
-    volume: float,
+    side: Side,
 ) -> None:
     """Rows 3 (mass), 4 (energy), 6 (subcooled zone); `c_pe`, `c_h2` are slopes of h_2 in p_e and h_e2."""
     sat, zeta_1, zeta_2 = co.sat, co.zeta_1, co.zeta_2
@@ -379,10 +378,10 @@ def _condenser_rows(
             z[3, 0], z[3, 2] = by_h1 * c_pe, by_h1 * c_h2
             z[3, 4] = co.e_1 - co.e_rest - co.slope_rho * (co.rho_1 - co.rho_rest)
         z[3, 3] = co.slope
-        z[3, 7] = e_rate - co.slope_rho * rho_rate
+        z[3, 7] = side.e_rate - co.slope_rho * side.rho_rate
         z[4, 4], z[4, 5] = 1.0, 1.0
         z[6, 6] = 1.0
-        z[6, 7] = (target - h_c3) / (_TAU_OUTLET_S if co.regime == 1 else _TAU_MIXED_S)
+        z[6, 7] = (side.target - h_c3) / (_TAU_OUTLET_S if co.regime == 1 else _TAU_MIXED_S)
         return
     rho_h1 = zeta_1 * co.rho_1_h * co.half_1
     e_h1 = zeta_1 * (co.rho_1 + co.h_1 * co.rho_1_h) * co.half_1
@@ -390,23 +389,23 @@ def _condenser_rows(
     z[3, 3] = zeta_1 * co.rho_1_p + zeta_2 * co.rho_2_p + zeta_3 * co.rho_3_p
     z[3, 4], z[3, 5] = co.rho_1 - co.rho_3, co.rho_2 - co.rho_3
     z[3, 6] = zeta_3 * co.rho_3_h * co.half_3
-    z[3, 7] = rho_rate
+    z[3, 7] = side.rho_rate
     z[4, 0], z[4, 2] = e_h1 * c_pe, e_h1 * c_h2
     z[4, 3] = zeta_1 * co.e_1_p + zeta_2 * co.e_2_p + zeta_3 * co.e_3_p - 1.0
     z[4, 4], z[4, 5] = co.e_1 - co.e_3, co.e_2 - co.e_3
     z[4, 6] = zeta_3 * (co.rho_3 + co.h_3 * co.rho_3_h) * co.half_3
-    z[4, 7] = e_rate
-    under = co.h_3 - sat.h_f if inward else 0.0
+    z[4, 7] = side.e_rate
+    under = co.h_3 - sat.h_f if side.inward else 0.0
     z[6, 3] = zeta_3 * (co.rho_3 * co.h_3_p + under * co.rho_3_p - 1.0)
     z[6, 4], z[6, 5] = -under * co.rho_3, -under * co.rho_3
     z[6, 6] = max(zeta_3, _ZETA_FLOOR) * 0.5 * (co.rho_3 + under * co.rho_3_h)
-    z[6, 7] = (flow.m_v * (co.h_3 - under - h_c3) + zeta_3 * heat.q_c3) / volume
+    z[6, 7] = (flow.m_v * (co.h_3 - under - h_c3) + zeta_3 * heat.q_c3) / side.volume
     if h_c3 > sat.h_f:
         z[6, 7] += z[6, 6] * (sat.h_f - h_c3) / _TAU_OUTLET_S
-    if own < 1.0:
+    if side.own < 1.0:
         for j in range(3, 6):
-            z[6, j] *= own
-        z[6, 7] = own * z[6, 7] + (1.0 - own) * z[6, 6] * (sat.h_f - h_c3) / _TAU_OUTLET_S
+            z[6, j] *= side.own
+        z[6, 7] = side.own * z[6, 7] + (1.0 - side.own) * z[6, 6] * (sat.h_f - h_c3) / _TAU_OUTLET_S
 
 
 @jit
@@ -464,10 +463,10 @@ def _descriptor(
     inward_e, inward_c, limited, bound = True, True, False, 0.0
     for _ in range(3):
         z[:, :] = 0.0
-        _evaporator_rows(z, ev, flow, heat, s[2], rates[0] / ve, rates[1] / ve, target_e, own_e, inward_e, ve)
-        _condenser_rows(
-            z, co, flow, heat, zeta_c3, s[8], c_pe, c_h2, rates[2] / vc, rates[3] / vc, target_c, own_c, inward_c, vc
-        )
+        side_e = Side(ve, rates[0] / ve, rates[1] / ve, target_e, own_e, inward_e)
+        side_c = Side(vc, rates[2] / vc, rates[3] / vc, target_c, own_c, inward_c)
+        _evaporator_rows(z, ev, flow, heat, s[2], side_e)
+        _condenser_rows(z, co, flow, heat, zeta_c3, s[8], c_pe, c_h2, side_c)
         _first_zone_row(z, co, flow, heat, c_pe, c_h2, limited, bound, vc)
         _solve(z, 7)
         again = False
