@@ -278,10 +278,18 @@ def _jacobian(k: Work, par: Array, tab: Tables) -> None:
 
 
 @jit
+def _copy(a: Array, b: Array) -> None:
+    """Copy vector a into b, by a loop: whole-array statements take the compiler seconds."""
+    for i in range(a.shape[0]):
+        b[i] = a[i]
+
+
+@jit
 def _times(a: Array, b: Array, c: Array) -> None:
     """Matrix product a b in c."""
     for i in range(a.shape[0]):
-        c[i] = 0.0
+        for j in range(a.shape[0]):
+            c[i, j] = 0.0
         for m in range(a.shape[0]):
             f = a[i, m]
             for j in range(a.shape[0]):
@@ -307,22 +315,25 @@ def _make_phi(k: Work, h: float) -> None:
     halvings = 1
     while largest > _SERIES_RADIUS * 2.0**halvings and halvings < 60:
         halvings += 1
-    a *= 0.5**halvings
     # 1/3! + A/4! + A^2/5! + ..., from its far end
-    phi[PHI_3] = a / _FACTORIAL[_SERIES_TERMS + 3]
-    for m in range(_SERIES_TERMS - 1, -1, -1):
+    for i in range(n):
+        for j in range(n):
+            a[i, j] *= 0.5**halvings
+            room[i, j] = a[i, j] / _FACTORIAL[_SERIES_TERMS + 3]
+        room[i, i] += 1.0 / _FACTORIAL[_SERIES_TERMS + 2]
+    for m in range(_SERIES_TERMS - 2, -1, -1):
+        _times(a, room, phi[PHI_3])
         for i in range(n):
             phi[PHI_3, i, i] += 1.0 / _FACTORIAL[m + 3]
-        if m > 0:
-            _times(a, phi[PHI_3], room)
-            phi[PHI_3] = room
+            _copy(phi[PHI_3, i], room[i])
     for p in range(PHI_2, PHI_0 - 1, -1):
         _times(a, phi[p + 1], phi[p])
         for i in range(n):
             phi[p, i, i] += 1.0 / _FACTORIAL[p - PHI_0]
     for doubling in range(halvings):
         if doubling == halvings - 1:
-            phi[PHI_HALF] = phi[PHI_1]
+            for i in range(n):
+                _copy(phi[PHI_1, i], phi[PHI_HALF, i])
         _times(phi[PHI_0], phi[PHI_3], room)
         for i in range(n):
             for j in range(n):
@@ -338,7 +349,8 @@ def _make_phi(k: Work, h: float) -> None:
             for j in range(n):
                 phi[PHI_1, i, j] = 0.5 * (room[i, j] + phi[PHI_1, i, j])
         _times(phi[PHI_0], phi[PHI_0], room)
-        phi[PHI_0] = room
+        for i in range(n):
+            _copy(room[i], phi[PHI_0, i])
     for i in range(n):
         for j in range(n):
             unit = ERROR_SCALE[i] / ERROR_SCALE[j]
@@ -501,29 +513,6 @@ def _rosenbrock_step(k: Work, par: Array, tab: Tables) -> int:
 
 
 @jit
-def _run(k: Work, par: Array, tab: Tables, until: float) -> int:
-    """Bring `y` to `until` seconds after the last change of inputs; results at that time in `aux`.
-
-    Returns 0, or 1 when the state cannot be continued inside the property tables.
-    """
-    memory = k.memory
-    while memory[T_LAST] + memory[H_LAST] < until:
-        memory[T_LAST] += memory[H_LAST]
-        for i in range(N_STATES):
-            k.y0[i] = k.y1[i]
-            k.f0[i] = k.f1[i]
-        first, memory[FIRST], memory[EXPONENTIAL] = memory[FIRST], 0.0, 0.0
-        if not (first > 0.0 and _exponential_step(k, first, par, tab)) and _rosenbrock_step(k, par, tab) != 0:
-            return 1
-        k.aux_1[:] = k.aux
-        powers = _powers(k.aux)
-        memory[MOVED] += 0.5 * memory[H_LAST] * (powers + memory[POWERS])
-        memory[POWERS] = powers
-    memory[T_HELD] = until
-    return _read(k, par, tab, until - memory[T_LAST])
-
-
-@jit
 def _powers(aux: Array) -> float:
     """Magnitudes of the three powers, summed."""
     total: float = abs(aux[Q_AIR_E]) + abs(aux[Q_AIR_C]) + abs(aux[POWER])
@@ -535,8 +524,8 @@ def _read(k: Work, par: Array, tab: Tables, after: float) -> int:
     """State `after` seconds from the start of the last step in `y`, results there in `aux`; 0 or 1 as `rhs`."""
     h = k.memory[H_LAST]
     if after == h:
-        k.y[:] = k.y1
-        k.aux[:] = k.aux_1
+        _copy(k.y1, k.y)
+        _copy(k.aux_1, k.aux)
         return 0
     if k.memory[EXPONENTIAL] != 0.0:
         if k.memory[PHI_S] != after:
@@ -563,7 +552,7 @@ def _restart(k: Work, par: Array, tab: Tables) -> int:
     for i in range(N_STATES):
         k.y0[i] = k.y1[i] = k.y[i]
     status = _rate(k, k.y1, k.f1, par, tab)
-    k.aux_1[:] = k.aux
+    _copy(k.aux, k.aux_1)
     memory[POWERS] = _powers(k.aux)
     memory[FIRST] = FIRST_STEP_S if memory[T_HELD] <= 0.0 else min(memory[T_HELD], FIRST_STEP_S)
     memory[T_LAST] = memory[H_LAST] = memory[CLOCK_NS] = memory[T_HELD] = 0.0
@@ -603,10 +592,25 @@ def run(work: Array, par: Array, tab: Tables, inputs: Array, duration_s: float, 
         changed = changed or w != k.held[i]
         k.held[i] = w
     if changed and _restart(k, par, tab) != 0:
-        k.held[:] = np.nan  # the next call has to begin anew, too
+        k.held[0] = np.nan  # the next call has to begin anew, too
         return OUTSIDE
-    k.memory[CLOCK_NS] += round(duration_s * 1.0e9)
-    status = _run(k, par, tab, k.memory[CLOCK_NS] * 1.0e-9)
+    memory = k.memory
+    memory[CLOCK_NS] += round(duration_s * 1.0e9)
+    until = memory[CLOCK_NS] * 1.0e-9
+    while memory[T_LAST] + memory[H_LAST] < until:
+        memory[T_LAST] += memory[H_LAST]
+        for i in range(N_STATES):
+            k.y0[i] = k.y1[i]
+            k.f0[i] = k.f1[i]
+        first, memory[FIRST], memory[EXPONENTIAL] = memory[FIRST], 0.0, 0.0
+        if not (first > 0.0 and _exponential_step(k, first, par, tab)) and _rosenbrock_step(k, par, tab) != 0:
+            return OUTSIDE
+        _copy(k.aux, k.aux_1)
+        powers = _powers(k.aux)
+        memory[MOVED] += 0.5 * memory[H_LAST] * (powers + memory[POWERS])
+        memory[POWERS] = powers
+    memory[T_HELD] = until
+    status = _read(k, par, tab, until - memory[T_LAST])
     out[0], out[1], out[2], out[3] = k.aux[P_E], k.aux[SUPERHEAT], k.aux[WALL_E2] - 273.15, k.aux[P_C]
     return status
 
