@@ -6,24 +6,29 @@
 import time
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ac_plant_node import Plant
 from bringup.loop import designs_at, simulate
 from bringup.recording import Recording
-from bringup.scenario import load
+from bringup.scenario import Scenario, load
 
 SCENARIO = "both_faults"
 NOISE = "noise={evaporator_pressure_kpa: 0.2, superheat_k: 0.1, wall_temperature_k: 0.05}"
 BAR_S = 0.5
 
 
+def standing(noise: bool) -> Scenario:
+    """Both faults after a manoeuvre, 1000 s; noise as the sensors have it makes the commands jump at every tick."""
+    return load(SCENARIO, ["duration_s=1000", *([NOISE] if noise else [])])
+
+
 def loop_seconds(noise: bool, repeats: int = 5) -> tuple[float, float]:
     """Seconds for 1000 s at 10 Hz with manoeuvre, both faults and accommodation; and those of the plant alone.
 
-    Processor time of this process (one thread), the least of `repeats`, loop and plant in turn, after a warm-up. Noise
-    as the sensors have it moves the commands by half a rad/s from tick to tick.
+    Processor time of this process (one thread), the least of `repeats`, loop and plant in turn, after a warm-up.
     """
-    scenario = load(SCENARIO, ["duration_s=1000", *([NOISE] if noise else [])])
+    scenario = standing(noise)
     designs = designs_at(scenario.operating_point, scenario.sample_time_s)
     run = simulate(scenario, designs=designs)
     loop, plant = [], []
@@ -35,11 +40,23 @@ def loop_seconds(noise: bool, repeats: int = 5) -> tuple[float, float]:
     return min(loop), min(plant)
 
 
+def plant_inputs(run: Recording) -> NDArray[np.float64]:
+    """What the plant got in a run: one row of four a tick."""
+    keys = ("actuator/command:compressor", "actuator/command:expansion_valve", "scenario/air:evaporator_air")
+    return np.column_stack([run.series[key] for key in (*keys, "scenario/air_inlet_temperature")])
+
+
+def plant_error(run: Recording, point: str, ticks: int = 2000) -> NDArray[np.float64]:
+    """Rms error of p_e [Pa], SH [K], T_w [K] and p_c [Pa] in a run, against the same with tolerance 1e-9."""
+    plant, exact, sample_time_s = Plant.at(point), Plant.at(point, tolerance=1e-9), run.metadata["sample_time_s"]
+    off = [plant.step(w, sample_time_s) - exact.step(w, sample_time_s) for w in plant_inputs(run)[:ticks]]
+    error: NDArray[np.float64] = np.sqrt(np.mean(np.square(off), axis=0))
+    return error
+
+
 def plant_seconds(run: Recording, point: str) -> float:
     """Seconds that the plant takes for the inputs of a run."""
-    keys = ("actuator/command:compressor", "actuator/command:expansion_valve", "scenario/air:evaporator_air")
-    inputs = np.column_stack([run.series[key] for key in (*keys, "scenario/air_inlet_temperature")])
-    plant, sample_time_s = Plant.at(point), run.metadata["sample_time_s"]
+    inputs, plant, sample_time_s = plant_inputs(run), Plant.at(point), run.metadata["sample_time_s"]
     started = time.process_time()
     for held in inputs:
         plant.step(held, sample_time_s)
@@ -53,7 +70,9 @@ def main() -> None:
         print(
             f"1000 s of closed loop at 10 Hz, {'with noise' if noise else 'noise-free'}: {loop:.3f} s (bar {BAR_S:g} s)"
         )
+        p_e, superheat, wall, _ = plant_error(simulate(standing(noise)), standing(noise).operating_point)
         print(f"  the plant alone: {plant:.3f} s; all that is not the plant: {1e2 * (loop - plant):.1f} us a tick")
+        print(f"  rms error of the plant: p_e {p_e:.2g} Pa, SH {1e3 * superheat:.2g} mK, T_w {1e3 * wall:.2g} mK")
 
 
 if __name__ == "__main__":
