@@ -46,14 +46,6 @@ def plant_inputs(run: Recording) -> NDArray[np.float64]:
     return np.column_stack([run.series[key] for key in (*keys, "scenario/air_inlet_temperature")])
 
 
-def plant_error(run: Recording, point: str, ticks: int = 2000) -> NDArray[np.float64]:
-    """Rms error of p_e [Pa], SH [K], T_w [K] and p_c [Pa] in a run, against the same with tolerance 1e-9."""
-    plant, exact, sample_time_s = Plant.at(point), Plant.at(point, tolerance=1e-9), run.metadata["sample_time_s"]
-    off = [plant.step(w, sample_time_s) - exact.step(w, sample_time_s) for w in plant_inputs(run)[:ticks]]
-    error: NDArray[np.float64] = np.sqrt(np.mean(np.square(off), axis=0))
-    return error
-
-
 def plant_seconds(run: Recording, point: str) -> float:
     """Seconds that the plant takes for the inputs of a run."""
     inputs, plant, sample_time_s = plant_inputs(run), Plant.at(point), run.metadata["sample_time_s"]
@@ -70,9 +62,7 @@ def main() -> None:
         print(
             f"1000 s of closed loop at 10 Hz, {'with noise' if noise else 'noise-free'}: {loop:.3f} s (bar {BAR_S:g} s)"
         )
-        p_e, superheat, wall, _ = plant_error(simulate(standing(noise)), standing(noise).operating_point)
         print(f"  the plant alone: {plant:.3f} s; all that is not the plant: {1e2 * (loop - plant):.1f} us a tick")
-        print(f"  rms error of the plant: p_e {p_e:.2g} Pa, SH {1e3 * superheat:.2g} mK, T_w {1e3 * wall:.2g} mK")
 
 
 if __name__ == "__main__":
