@@ -141,7 +141,7 @@ def draw(panels, recording, file):
     for panel in panels:
         left, top, width, height = panel.place
         figure.add_artist(plt.Rectangle((left, 1 - top - height), width, height, fill=False, color="#bbbbbb", lw=0.8))
-        axes = figure.add_axes((left + 0.045, 1 - top - height + 0.035, width - 0.055, height - 0.06))
+        axes = figure.add_axes((left + 0.06, 1 - top - height + 0.035, width - 0.07, height - 0.06))
         axes.set_title(panel.title, fontsize=7, loc="left", pad=2)
         if panel.kind != "Plot":
             axes.axis("off")
@@ -154,7 +154,7 @@ def draw(panels, recording, file):
             axes.plot(
                 recording.time_s[::10], values(signal, recording)[::10], color=signal.color, lw=0.9, label=signal.label
             )
-        axes.legend(fontsize=5, loc="upper left", frameon=False)
+        axes.legend(fontsize=5, loc="best", frameon=False)
     figure.savefig(file, metadata={"Date": None})
 
 
