@@ -5,7 +5,9 @@ from the operating point it does, through what the plant is not linear, and that
 no such model. So q is bounded, its direction kept, by a stated multiple of what faults and disturbances of the design's
 size make of it. A q that would go beyond that bound is the sign of a plant that is not the model's (or of a fault far
 beyond the design's size): q then fades out, which leaves K0, and comes back when what it would be has been small for a
-while, for a start with a part of the bound. Each time that it does not keep well it stays away four times as long.
+while, for a start with half its gain and a part of the bound: a loop that runs away with all of q may well be stable
+with half of it (`python -m gimc_controller_node.loop_poles` prints the gain margins). Each time that it does not keep
+well it stays away four times as long and comes back with half the gain it had.
 """
 
 import numpy as np
@@ -20,11 +22,14 @@ RETURN_RATIO = 0.25
 FIRST_WAIT_S, LONGER, LONGEST_WAIT_S = 60.0, 4.0, 3600.0
 """How long it has to stay there: after the first time, how many times longer after each further one, and at most."""
 
-KEPT_WELL = 10.0
+KEPT_WELL = 60.0
 """After this many times the last wait in service, what was before is forgotten, and the bound is whole again."""
 
 PROBATION = 0.4
 """Part of the bound until then."""
+
+LESS_GAIN, LEAST_GAIN = 0.5, 0.125
+"""Of its gain until then: the part that is left after each time that it did not keep well, and at least."""
 
 
 class Authority:
@@ -55,7 +60,13 @@ class Authority:
         self._speed, self._valve = q_range.tolist()
         self._sample_time_s, self._share_step = sample_time_s, sample_time_s / fade_time_s
         self.outside = False
-        self._share, self._bound, self._wait_s, self._in_service_s, self._quiet_s = 1.0, 1.0, 0.0, 0.0, 0.0
+        self._share, self._gain, self._bound = 1.0, 1.0, 1.0
+        self._wait_s, self._in_service_s, self._quiet_s = 0.0, 0.0, 0.0
+
+    @property
+    def on_probation(self) -> bool:
+        """Whether q went beyond its bounds and has not kept well for long enough since."""
+        return self._gain < 1.0
 
     def step(self, speed: float, valve: float) -> float:
         """Factor, 0 to 1, on the q [rad/s, 0..1] that the filters ask for."""
@@ -68,19 +79,21 @@ class Authority:
             self._in_service_s += self._sample_time_s
             proven = self._in_service_s >= KEPT_WELL * self._wait_s
             if proven:
-                self._bound = 1.0
+                self._bound = self._gain = 1.0
             if ratio > self._bound:
                 self._wait_s = FIRST_WAIT_S if proven else min(LONGER * self._wait_s, LONGEST_WAIT_S)
+                self._gain = max(LESS_GAIN * self._gain, LEAST_GAIN)
                 self.outside, self._quiet_s = True, 0.0
-        change = -self._share_step if self.outside else self._share_step
-        self._share = min(max(self._share + change, 0.0), 1.0)
+        target = 0.0 if self.outside else self._gain
+        self._share += min(max(target - self._share, -self._share_step), self._share_step)
         return self._share * min(self._bound / ratio, 1.0) if ratio > 0.0 else self._share
 
     def memory(self) -> list[float]:
         """What one that takes this one's place has to know."""
-        return [float(self.outside), self._share, self._bound, self._wait_s, self._in_service_s, self._quiet_s]
+        own = (self._share, self._gain, self._bound, self._wait_s, self._in_service_s, self._quiet_s)
+        return [float(self.outside), *own]
 
     def remember(self, memory: list[float]) -> None:
         """Take the place of the one whose `memory` this is."""
-        outside, self._share, self._bound, self._wait_s, self._in_service_s, self._quiet_s = memory
+        outside, self._share, self._gain, self._bound, self._wait_s, self._in_service_s, self._quiet_s = memory
         self.outside = bool(outside)

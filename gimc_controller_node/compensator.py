@@ -25,14 +25,48 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bringup.topics import FAULTS
-from bringup.units import RPM
+from bringup.units import KPA, RPM
 from fdi_node.cache import Arrays
-from gimc_controller_node.authority import Authority
+from gimc_controller_node.authority import DESIGN_RANGE, Authority
 
 Vector = NDArray[np.float64]
 
 ANY_COMMAND = np.array([6000.0 * RPM, 1.0])
-"""A bound of q that is as good as none: from one end of the commands to the other [rad/s, 0..1]."""
+"""From one end of the commands to the other [rad/s, 0..1]: a bound of q that is as good as none."""
+
+TYPICAL_STEPS = np.diag([5.0 * KPA, 0.3, 0.1])
+"""Steps of f_e [Pa, K, K], each by itself: what q is bounded by when a design does not say it."""
+
+TYPICAL_LENGTH_S = 20.0
+"""How long the filters' answer to them is looked at: what q does at rest is Q's to say, not the bound's."""
+
+
+def range_of_filters(design: "CompensatorDesign") -> Vector:
+    """Bounds of q for a design that comes without: from how its own filters answer `TYPICAL_STEPS`.
+
+    Returns
+    -------
+    ndarray, shape (2,)
+        `DESIGN_RANGE` times the largest peak of q [rad/s, 0..1] of its three filters; at most `ANY_COMMAND`, at least a
+        thousandth of it.
+    """
+    a, c, d = design.a, design.c, design.d
+    state, peaks, inputs = np.zeros((len(a), 3)), np.zeros(6), design.b @ TYPICAL_STEPS
+    with np.errstate(over="ignore", invalid="ignore"):
+        for _ in range(round(TYPICAL_LENGTH_S / design.sample_time_s)):
+            np.maximum(peaks, np.abs(c @ state + d @ TYPICAL_STEPS).max(axis=1), out=peaks)
+            state = a @ state + inputs
+    largest = np.nan_to_num(DESIGN_RANGE * peaks.reshape(3, 2).max(axis=0), nan=np.inf)
+    return np.asarray(np.clip(largest, 1e-3 * ANY_COMMAND, ANY_COMMAND))
+
+
+OFTEN, OFTEN_S, SELDOM = 2.0, 600.0, 0.5
+"""Faults isolated anew, each counting for this time constant, from which isolation is not followed, and below which it
+is again once nothing is isolated.
+
+Far from the operating point what the plant is not linear can look like a fault, Q_i then move the plant to where it
+does not, and let go: a cycle of minutes. A real fault that comes and goes as often is left to the guard.
+"""
 
 OUTSIDE = "outside the design range: K0 alone"
 
@@ -57,7 +91,7 @@ class CompensatorDesign:
         Time constants with which what is there at rest is forgotten.
     sample_time_s : float
     q_range : ndarray, shape (2,)
-        What q is bounded by [rad/s, 0..1] (see `gimc_controller_node.authority`); by default `ANY_COMMAND`.
+        What q is bounded by [rad/s, 0..1] (see `gimc_controller_node.authority`); left empty, `range_of_filters`.
     """
 
     a: Vector
@@ -68,17 +102,23 @@ class CompensatorDesign:
     fade_time_s: float
     washout_time_s: float
     sample_time_s: float
-    q_range: Vector = field(default_factory=lambda: ANY_COMMAND.copy())
+    q_range: Vector = field(default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        """Find the bounds of q when there are none."""
+        if not self.q_range.size:
+            object.__setattr__(self, "q_range", range_of_filters(self))
 
     @classmethod
     def from_arrays(cls, arrays: Arrays) -> "CompensatorDesign":
-        """Design from the arrays that the cache stores; in bags from before there was one, `q_range` is missing."""
-        known = {"q_range": ANY_COMMAND, **arrays}
+        """Design from the arrays that the cache stores, or of a file of your own, which may lack `q_range`."""
+        known = {"q_range": np.empty(0), **arrays}
         matrices = {name: np.ascontiguousarray(known[name]) for name in ("a", "b", "c", "d", "q_range")}
         names = ("handover_time_s", "fade_time_s", "washout_time_s", "sample_time_s")
         return cls(**matrices, **{name: float(arrays[name]) for name in names})  # type: ignore[arg-type]
 
 
+_NUMBERS = ("_share", "_often", "_follows", "_isolated")
 _ARRAYS = ("_state", "_innovation", "_first_lag", "_forgotten")
 
 
@@ -108,6 +148,8 @@ class Compensator:
         self._correction = [0.0, 0.0, 0.0, 0.0]  # first lag, then second one
         self._share = float(accommodate)  # of q that is let through
         self._share_step = design.sample_time_s / design.fade_time_s
+        self._often, self._forgets_often = 0.0, math.exp(-design.sample_time_s / OFTEN_S)
+        self._follows, self._isolated = True, 0
         self._authority = Authority(design.q_range, design.sample_time_s, design.fade_time_s)
 
     @property
@@ -118,7 +160,7 @@ class Compensator:
     def memory(self) -> dict[str, Any]:
         """What a compensator that takes this one's place has to know, fit for JSON; between two ticks."""
         arrays = {name: getattr(self, name).tolist() for name in _ARRAYS}
-        own = {"_correction": self._correction, "_share": self._share}
+        own = {"_correction": self._correction, **{name: getattr(self, name) for name in _NUMBERS}}
         return {**arrays, **own, "_authority": self._authority.memory()}
 
     def remember(self, memory: Mapping[str, Any]) -> None:
@@ -133,7 +175,8 @@ class Compensator:
             for name in _ARRAYS:
                 getattr(self, name)[:] = memory[name]
             self._correction[:] = [float(value) for value in memory["_correction"]]
-            self._share = float(memory["_share"])
+            self._share, self._often = float(memory["_share"]), float(memory["_often"])
+            self._follows, self._isolated = bool(memory["_follows"]), int(memory["_isolated"])
             self._authority.remember([float(value) for value in memory["_authority"]])
         except (KeyError, TypeError, ValueError) as problem:
             msg = f"not the memory of such a compensator: {type(problem).__name__} {problem}"
@@ -165,6 +208,8 @@ class Compensator:
         ndarray, shape (2,)
             q [rad/s, 0..1].
         """
+        if not self._may_follow((isolated is not None) + (also_isolated is not None)):
+            isolated = also_isolated = None
         self._innovation[:] = innovation
         np.dot(self._forgetting if isolated is None else self._holding, self._in, out=self._seen)
         self._known[:] = self._next
@@ -187,6 +232,20 @@ class Compensator:
         if share == 0.0:
             return np.zeros(2)
         return np.array([share * speed, share * valve])
+
+    def _may_follow(self, isolated: int) -> bool:
+        """Whether the faults that are isolated, none to two, are to be followed.
+
+        Not when they come and go too often, nor where q has gone beyond its bounds: a model that is not good enough for
+        the guard is not for the isolation either.
+        """
+        self._often = self._often * self._forgets_often + (isolated > self._isolated)
+        self._isolated = isolated
+        if self._often > OFTEN:
+            self._follows = False
+        elif self._often < SELDOM and isolated == 0:
+            self._follows = True
+        return self._follows and not self._authority.on_probation
 
 
 def _filters(design: CompensatorDesign, rate: float) -> Vector:

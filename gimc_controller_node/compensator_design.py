@@ -96,8 +96,8 @@ def actual_outputs(loop: control.StateSpace, readings: Matrix) -> Abcd:
 
 
 def _with_noise(system: Abcd, weights: MatchingWeights) -> Abcd:
-    """From inputs [d, f, q] to [d, n, f, q], d and f scaled; the noise is there for f_e alone."""
-    nf, p = system.D.shape[1] - 3, len(weights.noise.level)
+    """From inputs [d, f, q] to [d, n, f, q], d and f scaled; noise and doubt, in n, are there for f_e alone."""
+    nf, p = system.D.shape[1] - 3, len(weights.noise.level) + len(weights.doubt)
     route = np.zeros((3 + nf, 3 + nf + p))
     route[0, 0] = weights.disturbance
     route[1 : 1 + nf, 1 + p : 1 + p + nf] = weights.fault * np.eye(nf)
@@ -106,10 +106,18 @@ def _with_noise(system: Abcd, weights: MatchingWeights) -> Abcd:
 
 
 def innovations(system: FaultySystem, L: Matrix, weights: MatchingWeights) -> Abcd:
-    """From [d, n, f] to f_e, d and f scaled by alpha_d and alpha_f."""
+    """From [d, n, f] to f_e, d and f scaled by alpha_d and alpha_f; n holds the readings' noise and the doubt.
+
+    The doubt is white noise on the commands that only f_e sees: what a plant that answers them otherwise than the model
+    puts into f_e. It keeps the loop gain small that q then closes through f_e.
+    """
     disturbances, faults = innovation_factors(system, L, weights.noise)
-    sizes = [weights.disturbance, *(1.0 for _ in weights.noise.level), *(weights.fault for _ in range(faults.ninputs))]
-    return scale(stack_inputs(disturbances, faults), left=-np.eye(len(system.C)), right=sizes)
+    commands = np.zeros((disturbances.nstates, 2))
+    commands[: len(system.A)] = system.B
+    doubted = state_space((disturbances.A, commands, disturbances.C, np.zeros((len(system.C), 2))))
+    noise = (*(1.0 for _ in weights.noise.level), *weights.doubt)
+    sizes = [weights.disturbance, *noise, *(weights.fault for _ in range(faults.ninputs))]
+    return scale(stack_inputs(stack_inputs(disturbances, doubted), faults), left=-np.eye(len(system.C)), right=sizes)
 
 
 def matching_problem(objective: Abcd, innovation: Abcd) -> Abcd:

@@ -94,16 +94,19 @@ class MatchingWeights:
         Regularisation rho on the parts of q for N and alpha.
     noise : MeasurementNoise
         Regularisation eps on the measurements.
+    doubt : tuple of float
+        How far the plant's answer to N and alpha may be off the model's, as noise on the commands that f_e alone sees.
     reduction : float
         Hankel singular values below this part of the largest are left out of Q.
     """
 
     disturbance: float = 0.1
     fault: float = 1.0
-    corner_rad_s: float = 0.05
+    corner_rad_s: float = 0.2
     integrator_rad_s: float = 1e-3
     penalty: tuple[float, float] = (0.5, 0.5)
     noise: MeasurementNoise = COMPENSATOR_NOISE
+    doubt: tuple[float, float] = (0.0, 0.0)
     reduction: float = 1e-3
 
 
@@ -127,7 +130,11 @@ class CompensatorWeights:
     """
 
     guard: MatchingWeights = MatchingWeights(
-        penalty=(0.4, 2.0), noise=MeasurementNoise((0.04, 0.04, 0.02)), reduction=2e-5
+        corner_rad_s=0.3,
+        penalty=(0.2, 1.0),
+        noise=MeasurementNoise((0.032, 0.032, 0.016)),
+        doubt=(0.01, 0.07),
+        reduction=2e-5,
     )
     actuator: MatchingWeights = MatchingWeights(penalty=(0.2, 0.2), reduction=4e-6)
     sensor: MatchingWeights = MatchingWeights()

@@ -14,7 +14,15 @@ from bringup.recording import Recording
 from bringup.scenario import Scenario
 from bringup.units import KPA, RPM
 from gimc_controller_node import Compensator
-from gimc_controller_node.authority import FIRST_WAIT_S, KEPT_WELL, LONGER, LONGEST_WAIT_S, PROBATION, Authority
+from gimc_controller_node.authority import (
+    FIRST_WAIT_S,
+    KEPT_WELL,
+    LESS_GAIN,
+    LONGER,
+    LONGEST_WAIT_S,
+    PROBATION,
+    Authority,
+)
 from gimc_controller_node.compensator import OUTSIDE
 
 SAMPLE_TIME_S, FADE_S = 0.1, 5.0
@@ -58,7 +66,14 @@ def test_what_the_bounds_are_for_is_there() -> None:
 
 
 @pytest.mark.parametrize(
-    ("point", "kpa", "kelvin"), [("low", 20.0, 0.0), ("low", 0.0, 5.0), ("med", 0.0, -10.0), ("low", 20.0, -5.0)]
+    ("point", "kpa", "kelvin"),
+    [
+        ("low", 20.0, 0.0),
+        ("low", 0.0, 5.0),
+        ("med", 0.0, -10.0),
+        ("low", 20.0, -5.0),
+        ("low", -40.0, 0.0),
+    ],
 )
 def test_a_step_that_the_guard_could_not_bear_settles_as_with_k0_alone(point: str, kpa: float, kelvin: float) -> None:
     found = run(point, kpa, kelvin, duration_s=600.0)
@@ -73,14 +88,13 @@ def test_a_step_that_the_guard_could_not_bear_settles_as_with_k0_alone(point: st
 
 @pytest.mark.parametrize("point", POINTS)
 def test_random_steps_never_end_in_a_limit_cycle_where_k0_alone_settles(point: str) -> None:
-    """At low the first seed has one (+1.7 kPa, +4.4 K, more air) that takes its time: it must die away, not last."""
+    """One at low, +1.7 kPa, +4.4 K and more air, is where the guard's loop with all of its gain is not stable."""
     random = np.random.default_rng(POINTS.index(point))
     for _ in range(4 if point == "low" else 2):
         kpa, kelvin = random.uniform(-20.0, 20.0), random.uniform(-5.0, 5.0)
         found = run(point, kpa, kelvin, float(random.choice([-10.0, 0.0, 10.0])), duration_s=1000.0)
         if swing_rpm(found[True]) < 2.0:
-            subject, before = swing_rpm(found[False]), swing_rpm(found[False], until_s=600.0)
-            assert subject < max(4.0, 0.5 * before), f"{point}: {kpa:+.1f} kPa, {kelvin:+.1f} K"
+            assert swing_rpm(found[False]) < 4.0, f"{point}: {kpa:+.1f} kPa, {kelvin:+.1f} K"
 
 
 @pytest.mark.parametrize("point", POINTS)
@@ -120,8 +134,9 @@ def test_it_goes_out_over_its_fade_time_and_comes_back_after_a_quiet_while() -> 
     assert np.abs(np.diff(out)).max() < 1.01 * SAMPLE_TIME_S / FADE_S
     assert np.all(held(subject, 0.3, 2.0 * FIRST_WAIT_S) == 0.0), "beyond a quarter of the bound it stays out"
     assert np.all(held(subject, 0.2, FIRST_WAIT_S - 1.0) == 0.0)
-    assert held(subject, 0.2, FADE_S + 2.0)[-1] == 1.0
+    assert held(subject, 0.2, FADE_S + 2.0)[-1] == LESS_GAIN
     assert not subject.outside
+    assert subject.on_probation
 
 
 def test_each_time_it_does_not_keep_well_it_stays_away_longer() -> None:
@@ -139,7 +154,7 @@ def test_each_time_it_does_not_keep_well_it_stays_away_longer() -> None:
     held(subject, 0.1, KEPT_WELL * waits[-1])
     assert np.all(held(subject, 0.99, 1.0) == 1.0), "the bound is whole again"
     held(subject, 1.01, 1.0)
-    assert held(subject, 0.1, FIRST_WAIT_S + FADE_S + 1.0)[-1] == 1.0, "what was long ago is forgotten"
+    assert held(subject, 0.1, FIRST_WAIT_S + FADE_S + 1.0)[-1] == LESS_GAIN, "what was long ago is forgotten"
 
 
 def test_one_that_takes_its_place_goes_on_where_it_was() -> None:

@@ -149,3 +149,28 @@ def test_what_is_there_without_a_fault_is_forgotten_and_stays_so_while_one_is() 
 def test_passive_means_no_q() -> None:
     subject = compensator(accommodate=False)
     assert all(np.array_equal(subject.step(TICK, ACT), np.zeros(2)) for _ in range(20))
+
+
+def test_a_design_that_does_not_say_what_q_is_bounded_by_is_bounded_by_its_own_answer() -> None:
+    """The guard answers a Pa with 2 mrad/s, Q_sen a kelvin of superheat with 1 % of valve: 5 kPa and 0.3 K, times 5."""
+    gains = np.zeros((6, 3))
+    gains[0, 0], gains[5, 1] = 2e-3, 0.01
+    design = CompensatorDesign(np.zeros((1, 1)), np.zeros((1, 3)), np.zeros((6, 1)), gains, 1.0, 0.5, 1e9, 0.1)
+    assert design.q_range == pytest.approx([50.0, 0.015])
+    stored = {name: np.asarray(getattr(design, name)) for name in CompensatorDesign.__dataclass_fields__}
+    del stored["q_range"]
+    assert CompensatorDesign.from_arrays(stored).q_range == pytest.approx(design.q_range)
+
+
+def test_isolation_that_comes_and_goes_is_not_followed_for_a_while() -> None:
+    subject = compensator()
+    for _ in range(3):
+        for fault, ticks in ((ACT, 300), (None, 300)):
+            for _ in range(ticks):
+                q = subject.step(TICK, fault)
+    at_once = [subject.step(TICK, ACT) for _ in range(300)][-1]
+    assert q == pytest.approx([4.0, 0.0], abs=1e-3)
+    assert at_once == pytest.approx([4.0, 0.0], abs=1e-3), "the guard still has the say"
+    for _ in range(12000):
+        subject.step(TICK, None)
+    assert [subject.step(TICK, ACT) for _ in range(300)][-1] == pytest.approx([1.0, 0.0], abs=1e-3)
