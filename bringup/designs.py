@@ -20,18 +20,29 @@ from bringup.topics import COMPENSATOR, CONTROLLER, FDI
 ATTACHMENT = "design/{}.npz"
 
 
-def design_of(node: str, point: str, sample_time_s: float, sensors: int = 3, superheat: Any = "direct") -> Any:
+def design_of(
+    node: str,
+    point: str,
+    sample_time_s: float,
+    sensors: int = 3,
+    superheat: Any = "direct",
+    controller: str = "tracking",
+) -> Any:
     """Design that a node uses at an operating point, from the cache or made now.
 
-    `sensors` is the detector's; `superheat` how the superheat is measured, "direct" or "derived".
+    `sensors` is the detector's; `superheat` how the superheat is measured, "direct" or "derived"; `controller` is which
+    K0, "tracking" or "paper".
     """
     import fdi_node
     import gimc_controller_node
 
+    weights = gimc_controller_node.CONTROLLERS[controller]
     makers: dict[str, Callable[..., Any]] = {
         FDI: partial(fdi_node.design, sensors=sensors, superheat=superheat),
-        COMPENSATOR: partial(gimc_controller_node.design_compensator, fdi=fdi_node.FdiWeights(superheat=superheat)),
-        CONTROLLER: gimc_controller_node.design_controller,
+        COMPENSATOR: partial(
+            gimc_controller_node.design_compensator, controller=weights, fdi=fdi_node.FdiWeights(superheat=superheat)
+        ),
+        CONTROLLER: partial(gimc_controller_node.design_controller, weights=weights),
     }
     return makers[node](point, sample_time_s)
 

@@ -38,20 +38,39 @@ class Designs:
     compensator: "CompensatorDesign"
 
 
-def designs_at(point: str, sample_time_s: float, sensors: int = 3, superheat: "SuperheatSensor" = "direct") -> Designs:
+def designs_at(
+    point: str,
+    sample_time_s: float,
+    sensors: int = 3,
+    superheat: "SuperheatSensor" = "direct",
+    controller: str = "tracking",
+) -> Designs:
     """Designs of an operating point, "low", "med" or "high", from the cache when they are there.
 
-    `sensors` is 3, or 2 for a detector without the wall thermocouple; `superheat` is how the superheat is measured.
+    `sensors` is 3, or 2 for a detector without the wall thermocouple; `superheat` is how the superheat is measured;
+    `controller` is which K0, "tracking" or "paper", with the compensator that belongs to it.
     """
     import fdi_node
     import gimc_controller_node
 
+    weights = gimc_controller_node.CONTROLLERS[controller]
     return Designs(
         fdi=fdi_node.design(point, sample_time_s, sensors=sensors, superheat=superheat),
-        controller=gimc_controller_node.design_controller(point, sample_time_s),
+        controller=gimc_controller_node.design_controller(point, sample_time_s, weights),
         compensator=gimc_controller_node.design_compensator(
-            point, sample_time_s, fdi=fdi_node.FdiWeights(superheat=superheat)
+            point, sample_time_s, controller=weights, fdi=fdi_node.FdiWeights(superheat=superheat)
         ),
+    )
+
+
+def designs_of(scenario: Scenario) -> Designs:
+    """Designs that a scenario asks for."""
+    return designs_at(
+        scenario.operating_point,
+        scenario.sample_time_s,
+        scenario.sensors,
+        scenario.superheat_sensor,
+        scenario.controller,
     )
 
 
@@ -98,7 +117,7 @@ def simulate(
     plant = Plant.at(point)
     injector = FaultInjector(scenario.noise.std, scenario.noise.seed, scenario.superheat_sensor)
     if designs is None:
-        designs = designs_at(point, sample_time_s, scenario.sensors, scenario.superheat_sensor)
+        designs = designs_of(scenario)
     detector = FaultDetector(designs.fdi)
     compensator = Compensator(designs.compensator, accommodate=not passive)
     controller = FallbackController(Controller(designs.controller))

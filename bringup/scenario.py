@@ -172,6 +172,7 @@ class Scenario(_Part):
     passive: bool = False
     sensors: Literal[2, 3] = 3
     superheat_sensor: Literal["direct", "derived"] = "direct"
+    controller: Literal["tracking", "paper"] = "tracking"
     references: References = References()
     air: Air = Air()
     faults: list[Fault] = []

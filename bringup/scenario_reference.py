@@ -36,6 +36,7 @@ MEANING = {
     "passive": "true: K0 alone, the compensator stays silent",
     "sensors": "3: p_e, superheat and the wall thermocouple; 2: without the thermocouple",
     "superheat_sensor": "direct: superheat is measured; derived: from an outlet thermocouple and the measured pressure",
+    "controller": "tracking: K0 holds both references; paper: K0 after the paper's passive case, which lets SH go",
     "references": "what the controller is to follow",
     "air": "the evaporator's air side",
     "faults": "a list of faults",

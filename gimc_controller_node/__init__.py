@@ -4,9 +4,10 @@ from fdi_node.design_cache import cached_design
 from fdi_node.weights import FdiWeights
 from gimc_controller_node.compensator import Compensator, CompensatorDesign
 from gimc_controller_node.controller import Controller, ControllerDesign
-from gimc_controller_node.weights import PAPER_CONTROLLER, CompensatorWeights, ControllerWeights
+from gimc_controller_node.weights import CONTROLLERS, PAPER_CONTROLLER, CompensatorWeights, ControllerWeights
 
 __all__ = [
+    "CONTROLLERS",
     "PAPER_CONTROLLER",
     "Compensator",
     "CompensatorDesign",

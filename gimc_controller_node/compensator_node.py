@@ -9,6 +9,7 @@ from rclpy.parameter import Parameter as RosParameter
 from bringup.recording import StatusRow
 from bringup.ros.node_shell import MEMORY_AGE_S, NodeShell, run_node
 from bringup.ros.parameters import (
+    CONTROLLER_WEIGHTS,
     DESIGN_COPY,
     DESIGN_FILE,
     MEMORY_FILE,
@@ -28,6 +29,7 @@ PARAMETERS = (
     RUN_START,
     MEMORY_FILE,
     SUPERHEAT_SENSOR,
+    CONTROLLER_WEIGHTS,
     DESIGN_FILE,
     DESIGN_COPY,
     Parameter("accommodate", True, "false leaves K0 alone: q fades to 0 whatever is isolated", live=True),
@@ -52,7 +54,9 @@ class CompensatorNode(NodeShell):
         from gimc_controller_node import Compensator, CompensatorDesign
 
         self._compensator = Compensator(
-            self.design(CompensatorDesign, superheat=self.value("superheat_sensor")),
+            self.design(
+                CompensatorDesign, superheat=self.value("superheat_sensor"), controller=self.value("controller")
+            ),
             accommodate=self.value("accommodate"),
         )
         self._joins = self.value("run_start_ns") >= 0

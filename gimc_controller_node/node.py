@@ -12,7 +12,16 @@ import numpy as np
 
 from bringup.ros.frozen import FROZEN_S, Frozen
 from bringup.ros.node_shell import NodeShell, run_node
-from bringup.ros.parameters import DESIGN_COPY, DESIGN_FILE, MODE, OPERATING_POINT, RUN_START, SAMPLE_TIME, Parameter
+from bringup.ros.parameters import (
+    CONTROLLER_WEIGHTS,
+    DESIGN_COPY,
+    DESIGN_FILE,
+    MODE,
+    OPERATING_POINT,
+    RUN_START,
+    SAMPLE_TIME,
+    Parameter,
+)
 from bringup.topics import CONTROLLER
 
 #: Fields of `ProtectionLimits` that are parameters, with what they may be.
@@ -26,6 +35,7 @@ PARAMETERS = (
     SAMPLE_TIME,
     MODE,
     RUN_START,
+    CONTROLLER_WEIGHTS,
     DESIGN_FILE,
     DESIGN_COPY,
     *(Parameter(f"protection.{name}", value, text, low, high) for name, (value, low, high, text) in LIMITS.items()),
@@ -54,7 +64,9 @@ class ControllerNode(NodeShell):
         from gimc_controller_node.protection import ProtectionLimits
 
         limits = ProtectionLimits(**{name: self.value(f"protection.{name}") for name in LIMITS})
-        self._controller = FallbackController(Controller(self.design(ControllerDesign)), limits)
+        self._controller = FallbackController(
+            Controller(self.design(ControllerDesign, controller=self.value("controller"))), limits
+        )
         self._frozen = Frozen(("measured/evaporator_pressure", "measured/superheat"))
         self._setpoint: np.ndarray | None = None
         self._joins = self.value("run_start_ns") >= 0

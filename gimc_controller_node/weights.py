@@ -77,6 +77,9 @@ An actuator fault of 40 rpm is then taken back by 20 rpm, the rest by the valve.
 holds both references instead and takes back all of it.
 """
 
+CONTROLLERS = {"tracking": ControllerWeights(), "paper": PAPER_CONTROLLER}
+"""The K0 that a scenario, or a node's parameter, may choose by name."""
+
 COMPENSATOR_NOISE = MeasurementNoise((0.1, 0.1, 0.05))
 
 

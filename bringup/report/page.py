@@ -320,6 +320,7 @@ def _parameters(recording: Recording) -> str:
         "sample time": f"{recording.metadata['sample_time_s']:g} s",
         "sensors": "p_e, SH and wall thermocouple" if scenario.get("sensors", 3) == 3 else "p_e and SH",
         "superheat": f"{scenario.get('superheat_sensor', 'direct')} sensor",
+        "controller": f"K0 {scenario.get('controller', 'tracking')}",
         "noise (standard deviation)": _noise(scenario.get("noise", {})),
     }
     rows = [[html.escape(key), html.escape(str(value))] for key, value in {**given, **software}.items()]

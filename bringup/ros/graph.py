@@ -184,6 +184,7 @@ def node_parameters(
     """Parameters of every node for this run."""
     design = {"operating_point": scenario.operating_point, "sample_time_s": scenario.sample_time_s}
     superheat = {"superheat_sensor": scenario.superheat_sensor}
+    controller = {"controller": scenario.controller}
     clock = {"mode": mode}
     content = scenario.model_dump(mode="json")
     run = {
@@ -217,9 +218,10 @@ def node_parameters(
             **memories[COMPENSATOR],
             **copies[COMPENSATOR],
             **superheat,
+            **controller,
             "accommodate": not passive,
         },
-        CONTROLLER: {**design, **clock, **copies[CONTROLLER]},
+        CONTROLLER: {**design, **clock, **copies[CONTROLLER], **controller},
         SCENARIO: {"scenario": json.dumps(content), **clock},
     }
     parameters = {name: {**own, **priority} for name, own in parameters.items()}

@@ -72,6 +72,12 @@ SUPERHEAT_SENSOR = Parameter(
     "direct: superheat is measured; derived: from an outlet thermocouple and the measured pressure",
     choices=("direct", "derived"),
 )
+CONTROLLER_WEIGHTS = Parameter(
+    "controller",
+    "tracking",
+    "tracking: K0 holds both references; paper: K0 after the paper's passive case, which lets SH go",
+    choices=("tracking", "paper"),
+)
 
 
 MEMORY_FILE = Parameter(

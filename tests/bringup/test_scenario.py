@@ -222,6 +222,7 @@ def test_the_reference_page_is_that_of_the_schema():
     ("override", "words"),
     [
         ("operating_point=hihg", ["operating_point", "did you mean 'high'", "'low', 'med' or 'high'"]),
+        ("controller=papers", ["controller", "did you mean 'paper'"]),
         ("superheat_sensor=derive", ["superheat_sensor", "did you mean 'derived'"]),
         ("faults.0.size_rpm=60", ["faults.0", "the list is empty", "faults=[{kind: compressor_speed"]),
         ("faults=3", ["faults", "given 3", "must be a list", "faults=[{kind: compressor_speed"]),

@@ -1,4 +1,4 @@
-"""The derived superheat through real processes: the numbers of the simulation, with that sensor's designs."""
+"""Choices of a scenario through real processes, the numbers of the simulation: derived superheat, the paper's K0."""
 
 from pathlib import Path
 
@@ -22,3 +22,13 @@ def test_graph_and_simulation_agree_on_a_derived_superheat(tmp_path: Path) -> No
         np.testing.assert_array_equal(recorded.series[key], simulated.series[key], err_msg=key)
     assert [row.isolated for row in recorded.status] == [row.isolated for row in simulated.status]
     assert recorded.status[-1].isolated == "evaporator_pressure"
+
+
+def test_graph_and_simulation_agree_on_the_paper_s_controller(tmp_path: Path) -> None:
+    scenario = load("actuator_fault", ["controller=paper", "duration_s=20", "references={}", "faults.0.onset_s=5"])
+    recorded, simulated = read_bag(run_graph(scenario, tmp_path).bag), simulate(scenario)
+    for key in SERIES:
+        np.testing.assert_array_equal(recorded.series[key], simulated.series[key], err_msg=key)
+    ours = simulate(scenario.model_copy(update={"controller": "tracking"}))
+    difference = recorded.series["controller/command:compressor"] - ours.series["controller/command:compressor"]
+    assert np.abs(difference).max() > 1.0
