@@ -8,10 +8,13 @@ structure does, instead of inverting V~):
 
 What is read back is the command after its limits, in size and in rate: the states then stay consistent with what the
 plant really gets, which is the anti-windup of this form.
+
+When a limit holds one command back, the other one does what is missing as far as it can: of all commands within the
+limits, the one is sent whose outputs are nearest to what was wanted, some seconds ahead (`ControllerDesign.priority`).
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +47,9 @@ class ControllerDesign:
     command_rate : ndarray, shape (2,)
         Limits of its rate of change, up and down [rad/s^2, 1/s].
     sample_time_s : float
+    priority : ndarray, shape (2, 2)
+        Positive definite P: at a limit the command u is sent for which `(u - wanted)' P (u - wanted)` is least. Designs
+        without it cut each command by itself.
     """
 
     phi: Vector
@@ -55,11 +61,12 @@ class ControllerDesign:
     command_max: Vector
     command_rate: Vector
     sample_time_s: float
+    priority: Vector = field(default_factory=lambda: np.eye(2))
 
     @classmethod
     def from_arrays(cls, arrays: Arrays) -> "ControllerDesign":
-        """Design from the arrays that the cache stores; those in bags from before there was a rate limit have none."""
-        known = {"command_rate": np.full(2, np.inf), **arrays}
+        """Design from the arrays that the cache stores; those of older bags may lack rate limits and priority."""
+        known = {"command_rate": np.full(2, np.inf), "priority": np.eye(2), **arrays}
         matrices = {name: np.ascontiguousarray(known[name]) for name in cls.__dataclass_fields__}
         return cls(**{**matrices, "sample_time_s": float(arrays["sample_time_s"])})  # type: ignore[arg-type]
 
@@ -77,7 +84,8 @@ class Controller:
     Attributes
     ----------
     at_limit : tuple of bool
-        Whether the last command of compressor and valve was held back by a limit, in size or in rate.
+        Whether the last command of compressor and valve was held back by a limit, in size or in rate, or makes up for
+        the other one, which was.
     """
 
     def __init__(self, design: ControllerDesign) -> None:
@@ -98,6 +106,7 @@ class Controller:
         self._low: list[float] = design.command_min.tolist()
         self._high: list[float] = design.command_max.tolist()
         self._stride: list[float] = (design.command_rate * design.sample_time_s).tolist()
+        (self._cost_speed, self._cost_both), (_, self._cost_valve) = design.priority.tolist()
         self.at_limit = (False, False)
 
     def step(self, reference: Vector, measured: Vector, q: Vector | None) -> Vector:
@@ -129,8 +138,15 @@ class Controller:
         speed, valve = speed + q_speed, valve + q_valve
         rest, last, low, high, stride = self._rest, self._last, self._low, self._high, self._stride
         speed, valve = speed + rest[0], valve + rest[1]
-        sent_speed = max(min(speed, high[0], last[0] + stride[0]), low[0], last[0] - stride[0])
-        sent_valve = max(min(valve, high[1], last[1] + stride[1]), low[1], last[1] - stride[1])
+        slowest, narrowest = max(low[0], last[0] - stride[0]), max(low[1], last[1] - stride[1])
+        fastest, widest = (
+            max(min(high[0], last[0] + stride[0]), slowest),
+            max(min(high[1], last[1] + stride[1]), narrowest),
+        )
+        if slowest <= speed <= fastest and narrowest <= valve <= widest:
+            sent_speed, sent_valve = speed, valve
+        else:
+            sent_speed, sent_valve = self._nearest(speed, valve, (slowest, fastest), (narrowest, widest))
         self.at_limit = (sent_speed != speed, sent_valve != valve)
         last[0], last[1] = sent_speed, sent_valve
         self._deviation[0], self._deviation[1] = sent_speed - rest[0], sent_valve - rest[1]
@@ -180,6 +196,21 @@ class Controller:
         self._q[:] = self._q_offset[:] = [0.0, 0.0]
         self._q_silent = True
 
+    def _nearest(
+        self, speed: float, valve: float, speeds: tuple[float, float], valves: tuple[float, float]
+    ) -> tuple[float, float]:
+        """Command within the limits that is nearest to the one wanted, which is beyond them: it is on an edge."""
+        own, both, other = self._cost_speed, self._cost_both, self._cost_valve
+        edges = [(edge, _within(valve - both / other * (edge - speed), valves)) for edge in speeds]
+        edges += [(_within(speed - both / own * (edge - valve), speeds), edge) for edge in valves]
+        least, best = math.inf, (math.nan, math.nan)
+        for there in edges:
+            x, y = there[0] - speed, there[1] - valve
+            cost = own * x * x + 2.0 * both * x * y + other * y * y
+            if cost < least:
+                least, best = cost, there
+        return best
+
     def _faded(self, q: Vector | None) -> list[float]:
         """What is used of q: q itself, but for the fades around a silence."""
         used, offset, keeps = self._q, self._q_offset, self._q_keeps
@@ -197,3 +228,7 @@ class Controller:
             self._q_met = max(abs(offset[0]), abs(offset[1])) > 1e-12
         used[0], used[1] = speed, valve
         return used
+
+
+def _within(value: float, limits: tuple[float, float]) -> float:
+    return min(max(value, limits[0]), limits[1])

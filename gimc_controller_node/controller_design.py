@@ -30,6 +30,9 @@ Matrix = NDArray[np.float64]
 LIMIT_UNIT = np.array([RPM, 0.01])
 """Units of `CommandLimits`: rpm and %."""
 
+PRIORITY_S = 5.0
+"""How far ahead one command makes up for the other one that is at a limit: some seconds are as good as any."""
+
 
 def generalised_plant(model: DesignModel, weights: ControllerWeights) -> control.StateSpace:
     """Plant from [w, u] to [z, e], weights included.
@@ -89,6 +92,14 @@ def factored(K: control.StateSpace, Lk: Matrix) -> control.StateSpace:
     return state_space((closed, np.hstack([K.B + Lk @ K.D, -Lk]), K.C, np.hstack([K.D, np.zeros((2, 2))])))
 
 
+def limit_priority(model: DesignModel) -> Matrix:
+    """`G' G`, G what unit steps of the commands [rad/s, 0..1] do to p_e and SH within `PRIORITY_S`, in design units."""
+    system = model.system
+    held = discretise(control.ss(system.A, system.B, system.C[:2], np.zeros((2, 2))), PRIORITY_S, "zoh")
+    G = held.C @ held.B / COMMAND_UNIT
+    return np.asarray(G.T @ G)
+
+
 def synthesise(point: str, sample_time_s: float, weights: ControllerWeights) -> Arrays:
     """Everything the controller needs at one operating point, and the report of the design.
 
@@ -132,6 +143,7 @@ def synthesise(point: str, sample_time_s: float, weights: ControllerWeights) -> 
         "command_max": np.array(weights.limits.high) * LIMIT_UNIT,
         "command_rate": np.array(weights.limits.rate) * LIMIT_UNIT,
         "sample_time_s": np.array(sample_time_s),
+        "priority": limit_priority(model),
         "K_a": K.A,
         "K_b": K.B,
         "K_c": K.C,

@@ -12,9 +12,12 @@ from dataclasses import dataclass
 import control
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import root
 from threadpoolctl import threadpool_limits
 
-from ac_plant_node import linearize
+from ac_plant_node import OperatingPoint, linearize, operating_point
+from ac_plant_node.equilibrium import equilibrium
+from bringup.units import KPA
 from fdi_node import FdiDesign
 from fdi_node import design as design_fdi
 from gimc.sampled import discretise
@@ -126,8 +129,33 @@ def medium_at(point: str, block: str, sample_time_s: float = 0.1) -> dict[str, L
     }
 
 
+AWAY = ((-40.0, 0.0), (-20.0, 0.0), (20.0, 0.0), (0.0, 5.0), (0.0, -5.0), (0.0, -10.0))
+"""Where else each point's own compensators are looked at: p_e [kPa] and SH [K] off the operating point."""
+
+
+def plant_away(point: str, pressure_pa: float, superheat_k: float) -> control.StateSpace:
+    """Linear plant at rest with p_e and SH so far off the operating point, air as it is there."""
+    rest = operating_point(point)
+    wanted = rest.outputs[:2] + np.array([pressure_pa, superheat_k])
+
+    def at(share: Matrix) -> OperatingPoint:
+        return equilibrium(np.concatenate([rest.inputs[:2] * (1.0 + share), rest.inputs[2:]]), start=rest.state)
+
+    def error(share: Matrix) -> Matrix:
+        return np.asarray((at(share).outputs[:2] - wanted) / np.array([5.0 * KPA, 2.5]))
+
+    return linearize(at(root(error, np.zeros(2), tol=1e-6).x))
+
+
+def own_away(point: str, kpa: float, kelvin: float, block: str, sample_time_s: float = 0.1) -> LoopStability:
+    """A point's own Q and observer where the plant rests elsewhere than they were designed for."""
+    fdi, k0 = design_fdi(point, sample_time_s), design_controller(point, sample_time_s)
+    q = design_compensator(point, sample_time_s)
+    return loop_stability(plant_away(point, kpa * KPA, kelvin), fdi, k0, q, block)
+
+
 def main() -> None:
-    """Print the medium point's compensators at all points."""
+    """Print the medium point's compensators at all points, and each point's own away from it."""
     print("| Q of med at | block | observer of | slowest pole, rad/s | stable up to q times |")
     print("|---|---|---|---|---|")
     for point in ("low", "med", "high"):
@@ -136,6 +164,12 @@ def main() -> None:
                 whose = "med" if observer == "medium observer" else point
                 margin = f"> {LARGEST_MARGIN:g}" if found.margin >= LARGEST_MARGIN else f"{found.margin:.2f}"
                 print(f"| {point} | {block} | {whose} | {found.slowest_rad_s:.2g} | {margin} |")
+    print("\n| off the point by | " + " | ".join(f"{p}, {b}" for p in ("low", "med", "high") for b in ROWS) + " |")
+    print("|---" * 10 + "|")
+    for kpa, kelvin in AWAY:
+        margins = [own_away(point, kpa, kelvin, block).margin for point in ("low", "med", "high") for block in ROWS]
+        cells = " | ".join(f"{margin:.2g}" for margin in margins)
+        print(f"| {kpa:+g} kPa, {kelvin:+g} K | {cells} |", flush=True)
 
 
 if __name__ == "__main__":

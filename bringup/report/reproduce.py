@@ -290,7 +290,8 @@ def compensators() -> Experiment:
         "The paper concludes that Q must be scheduled with the operating point. The linear loop of a point's plant and "
         "K0 with the medium Q: with that point's own observer f_e does not depend on q, so any stable Q is stable, and "
         "only the accommodation suffers; with the medium observer, too, a pole above zero means that the loop is "
-        f"unstable there. {_unstable(findings)} The runs are those loops on the nonlinear plant: a missing number means that it ran away."
+        f"unstable there. {_unstable(findings)} The runs are those loops on the nonlinear plant: a missing number "
+        "means that it ran away."
     )
     return Experiment("E7", "Compensators over the operating points", findings, remark, draw(charts, 2, "E7"))
 

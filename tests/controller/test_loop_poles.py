@@ -10,8 +10,8 @@ from bringup.summary import summarise
 from bringup.units import KPA, RPM
 from fdi_node import design as design_fdi
 from gimc_controller_node import PAPER_CONTROLLER, design_compensator, design_controller
-from gimc_controller_node.limits import smallest_peak_pa
-from gimc_controller_node.loop_poles import LARGEST_MARGIN, loop_matrix, medium_at
+from gimc_controller_node.limits import attainable_peak_pa, smallest_peak_pa
+from gimc_controller_node.loop_poles import LARGEST_MARGIN, loop_matrix, medium_at, own_away
 
 SAMPLE_TIME_S = 0.1
 
@@ -35,6 +35,17 @@ def test_the_medium_q_act_is_unstable_elsewhere_only_with_the_medium_observer(po
     assert found["own observer"].margin == LARGEST_MARGIN
     assert found["medium observer"].slowest_rad_s > 0.0
     assert found["medium observer"].margin < 1.0
+
+
+@pytest.mark.parametrize("point", ["low", "med", "high"])
+@pytest.mark.parametrize(("kpa", "kelvin"), [(-20.0, 0.0), (20.0, 0.0), (0.0, -5.0), (-40.0, 0.0)])
+def test_a_point_s_own_guard_is_stable_with_twice_its_gain_far_from_it(point: str, kpa: float, kelvin: float) -> None:
+    assert own_away(point, kpa, kelvin, "Q_both").margin > 2.0
+
+
+def test_at_low_five_kelvin_more_are_too_much_for_the_guard() -> None:
+    """Which is what the bounds of q are for; with half its gain it is stable there, too."""
+    assert 0.5 < own_away("low", 0.0, 5.0, "Q_both").margin < 1.0
 
 
 def test_a_pole_outside_the_circle_shows_on_the_nonlinear_plant() -> None:
@@ -62,6 +73,17 @@ def test_the_paper_s_k0_takes_back_half_of_the_fault_holds_p_e_and_lets_the_supe
     assert abs(metrics["steady_pressure_error_kpa"]) < 0.05
     superheat = run.series["plant/superheat"]
     assert abs(superheat[-1] - superheat[0]) > 1.0
+
+
+@pytest.mark.parametrize("point", ["low", "med", "high"])
+def test_at_10_hz_the_bound_is_what_commands_that_know_the_fault_attain(point: str) -> None:
+    bound, attained = (peak(point, 0.1, 40.0 * RPM) for peak in (smallest_peak_pa, attainable_peak_pa))
+    assert attained == pytest.approx(bound, rel=1e-6)
+    assert attained > 0.3 * KPA
+
+
+def test_at_100_hz_the_actuators_rates_are_the_limit() -> None:
+    assert attainable_peak_pa("med", 0.01, 40.0 * RPM) > 1.2 * smallest_peak_pa("med", 0.01, 40.0 * RPM)
 
 
 def test_the_bound_on_the_peak_falls_with_the_sample_time() -> None:
