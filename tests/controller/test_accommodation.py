@@ -119,4 +119,4 @@ def test_at_50_hz_the_quick_guard_comes_near_the_bound_and_the_guard_in_use_does
     in_use, quick = (reached_peak_pa("med", 0.02, guard) / KPA for guard in (None, QUICK_GUARD))
     assert bound == pytest.approx(0.22, abs=0.005)
     assert in_use == pytest.approx(0.51, abs=0.01)
-    assert quick == pytest.approx(0.24, abs=0.01)
+    assert quick == pytest.approx(0.23, abs=0.01)
