@@ -76,6 +76,8 @@ MAX_PHI_AGE = 20.0
 """Accepted steps for which one Jacobian serves exponential steps: their error hardly depends on its age."""
 MAX_PHI_ERROR = 30.0
 """Largest error estimate of an exponential step, in units of the tolerance. It is that of a method one order lower."""
+HOPELESS = 10
+"""Beyond this many times that a younger Jacobian is not even tried."""
 OUTSIDE, NOT_FINITE = 1, 2
 """What `run` may return instead of 0."""
 ERROR_SCALE = np.array([1e-2, 1e3, 1e5, 5.0, 5.0, 1e5, 1e4, 0.1, 1e5, 5.0, 5.0, 5.0])
@@ -398,6 +400,7 @@ def _exponential_step(k: Work, h: float, par: Array, tab: Tables) -> bool:
     memory, d, a, b = k.memory, k.u[0], k.u[1], k.u[2]
     if memory[AGE] >= MAX_PHI_AGE:
         _jacobian(k, par, tab)
+    error = np.inf
     for _ in range(2):
         if memory[PHI_S] != h:
             _make_phi(k, h)
@@ -426,7 +429,7 @@ def _exponential_step(k: Work, h: float, par: Array, tab: Tables) -> bool:
                 memory[AGE] += 1.0
                 return True
         memory[N_REJECTED] += 1.0
-        if memory[AGE] == 0.0:
+        if memory[AGE] == 0.0 or error > HOPELESS * MAX_PHI_ERROR:
             break
         _jacobian(k, par, tab)
     return False
