@@ -8,7 +8,7 @@ other one free. So each is solved by itself, and in each the other fault may be 
 """
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import control
 import numpy as np
@@ -102,7 +102,8 @@ def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
     model = design_model(point, weights.superheat)
     system = model.system
     L = observer_gain(system, weights)
-    rows = isolation_rows(*innovation_factors(system, L, weights.noise), weights, RANK_NOISE)
+    seen = replace(system, E1=weights.air_flow * system.E1)
+    rows = isolation_rows(*innovation_factors(seen, L, weights.noise), weights, RANK_NOISE)
     reduced = reduce_order(stacked(rows), rtol=weights.reduction, keep_dc_gain=True)
     # f_e = -(N~d d + N~f f): the residual r = H f_e takes the minimiser with its sign changed.
     H = discretise(to_si(-reduced.system, OUTPUT_UNIT, FAULT_UNIT), sample_time_s)

@@ -47,6 +47,8 @@ class FdiWeights:
         does.
     cross_talk : tuple of float
         How much dearer the other fault is in a residual than its own one: f_p in r_N, f_N in r_p.
+    air_flow : float
+        How dear the air flow is in the residuals of H for three sensors, against the faults.
     process_noise : float
         Noise on commands and air flow in the observer's Riccati equation, over a measurement noise of one: small, so
         that M~ and N~ are slow against the sampling rate.
@@ -68,6 +70,7 @@ class FdiWeights:
     error_at_rest: float = 0.01
     error_rolloff_rad_s: float = 1.0
     cross_talk: tuple[float, float] = (2.0, 4.0)
+    air_flow: float = 1.0
     process_noise: float = 0.1
     sensor_noise: tuple[float, float, float] = (200.0, 0.1, 0.05)
     false_alarms_per_hour: float = 1e-3
