@@ -107,6 +107,7 @@ class Controller:
         self._high: list[float] = design.command_max.tolist()
         self._stride: list[float] = (design.command_rate * design.sample_time_s).tolist()
         (self._cost_speed, self._cost_both), (_, self._cost_valve) = design.priority.tolist()
+        self._caps = (math.inf, math.inf)
         self.at_limit = (False, False)
 
     def step(self, reference: Vector, measured: Vector, q: Vector | None) -> Vector:
@@ -139,14 +140,14 @@ class Controller:
         rest, last, low, high, stride = self._rest, self._last, self._low, self._high, self._stride
         speed, valve = speed + rest[0], valve + rest[1]
         slowest, narrowest = max(low[0], last[0] - stride[0]), max(low[1], last[1] - stride[1])
-        fastest, widest = (
-            max(min(high[0], last[0] + stride[0]), slowest),
-            max(min(high[1], last[1] + stride[1]), narrowest),
-        )
+        fastest, widest = min(high[0], last[0] + stride[0]), min(high[1], last[1] + stride[1])
         if slowest <= speed <= fastest and narrowest <= valve <= widest:
             sent_speed, sent_valve = speed, valve
         else:
             sent_speed, sent_valve = self._nearest(speed, valve, (slowest, fastest), (narrowest, widest))
+        # What a cap takes away the other command must not make up for: the cap is there to change the outputs.
+        sent_speed = max(min(sent_speed, self._caps[0]), slowest)
+        sent_valve = max(min(sent_valve, self._caps[1]), narrowest)
         self.at_limit = (sent_speed != speed, sent_valve != valve)
         last[0], last[1] = sent_speed, sent_valve
         self._deviation[0], self._deviation[1] = sent_speed - rest[0], sent_valve - rest[1]
@@ -155,12 +156,11 @@ class Controller:
         return np.array([sent_speed, sent_valve])
 
     def cap(self, speed_rad_s: float, opening: float) -> None:
-        """Keep the commands below these caps from now on, and within their limits; inf takes a cap away.
+        """Keep the commands below these caps from now on; inf takes a cap away.
 
         A cap below the last command is met at the command's greatest rate.
         """
-        high = self.design.command_max.tolist()
-        self._high[:] = [min(high[0], speed_rad_s), min(high[1], opening)]
+        self._caps = (speed_rad_s, opening)
 
     def resume(self, command: Vector, measured: Vector, reference: Vector) -> None:
         """Take over from whatever moves the actuators now, without a jump.

@@ -5,10 +5,12 @@ import ctypes
 import errno
 import fcntl
 import os
+import select
 import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,6 +24,9 @@ PARENT_VARIABLE = "ACFTC_PARENT_PID"
 FASTDDS_PROFILE = Path(__file__).with_name("fastdds.xml")
 #: Domains that Linux leaves free of ephemeral ports.
 DOMAINS = range(102)
+
+#: How long a process that was told to end may take.
+PATIENCE_S = 5.0
 
 _PR_SET_PDEATHSIG = 1
 
@@ -72,13 +77,26 @@ def _lock(number: int) -> IO[Any] | None:
 
 
 def end_with_parent() -> None:
-    """In a child: be told to end when the parent dies, and end at once when it is dead already."""
+    """In a child: be told to end when the parent dies, and end at once when it is dead already.
+
+    A child that has not ended some seconds after it was told to is ended by a thread of its own: there is nobody left
+    who could insist.
+    """
     parent = os.environ.get(PARENT_VARIABLE)
     if parent is None:
         return
     ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
     if os.getppid() != int(parent):
         sys.exit(1)
+    with contextlib.suppress(OSError):  # a parent that has died since then has told us already
+        threading.Thread(target=_outlive, args=(os.pidfd_open(int(parent)),), daemon=True).start()
+
+
+def _outlive(parent: int) -> None:
+    """End this process `PATIENCE_S` after the one of this file descriptor, whatever it does then."""
+    select.select([parent], [], [])
+    time.sleep(PATIENCE_S)
+    os._exit(1)
 
 
 #: Exit code of a node that found the disk full, which takes neither the bag nor the words about it.
@@ -137,7 +155,7 @@ def start(
     return Child(name, process, log)
 
 
-def stop(children: Iterable[Child], patience_s: float = 5.0) -> None:
+def stop(children: Iterable[Child], patience_s: float = PATIENCE_S) -> None:
     """End all children: ask, wait, and insist; nothing of their process groups is left afterwards."""
     running = [child for child in children if child.process.poll() is None]
     for child in running:

@@ -72,6 +72,27 @@ def test_killed_bringup_takes_its_nodes_along(tmp_path: Path) -> None:
     assert len(read_bag(tmp_path).time_s) > 50
 
 
+#: A parent with a child that will not be told to end; `argv[1]` is what to find the child by.
+STUBBORN = """
+import os, subprocess, sys
+from bringup.ros.processes import PARENT_VARIABLE
+child = "import signal, time; from bringup.ros.processes import end_with_parent; "
+child += "signal.signal(signal.SIGTERM, signal.SIG_IGN); end_with_parent(); print('ready', flush=True); time.sleep(600)"
+environment = {**os.environ, PARENT_VARIABLE: str(os.getpid())}
+subprocess.Popen([sys.executable, "-c", child, sys.argv[1]], env=environment).wait()
+"""
+
+
+def test_child_that_hangs_does_not_outlive_a_killed_parent(tmp_path: Path) -> None:
+    parent = subprocess.Popen([sys.executable, "-c", STUBBORN, str(tmp_path)], stdout=subprocess.PIPE, text=True)
+    assert parent.stdout is not None
+    assert parent.stdout.readline() == "ready\n"
+    parent.kill()
+    parent.wait()
+    assert processes_that_mention(str(tmp_path))  # it was told to end, and did not
+    wait_until_gone(tmp_path)
+
+
 def test_killed_node_is_named_and_its_end_is_everyones(scenario: Scenario, tmp_path: Path) -> None:
     killed: list[int] = []
 
