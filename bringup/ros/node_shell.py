@@ -4,6 +4,7 @@ A node is a thin shell around pure step functions: it names its parameters, buil
 says with `on_tick` which topics make up a tick's input and what to do then.
 """
 
+import contextlib
 import errno
 import gc
 import json
@@ -15,7 +16,7 @@ import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -443,8 +444,13 @@ def qos_of(topic: Topic) -> QoSProfile:
     return PLAIN_QOS if topic in OCCASIONAL else LOOP_QOS
 
 
-def run_node(make: Callable[[], NodeShell]) -> int:
-    """Run a node until it is told to end; the exit code: 0 after SIGINT and SIGTERM, 1 when it failed, 2: bad input."""
+def run_node(make: Callable[[], NodeShell]) -> NoReturn:
+    """Run a node until it is told to end, and end the process.
+
+    The exit code is 0 after SIGINT and SIGTERM, 1 when the node failed, 2 after bad input. Does not return: what the
+    middleware does when the interpreter has gone (destructors of static objects) has been seen to spin for ever, and to
+    crash, when a message was under way.
+    """
     end_with_parent()
     made: list[NodeShell] = []
     code = _run(make, made)
@@ -455,7 +461,10 @@ def run_node(make: Callable[[], NodeShell]) -> int:
             code = code or _report(node, problem)
         node.destroy_node()
     rclpy.try_shutdown()
-    return code
+    with contextlib.suppress(OSError):  # the log is on a disk that is full
+        sys.stdout.flush()
+        sys.stderr.flush()
+    os._exit(code)
 
 
 def _run(make: Callable[[], NodeShell], made: list[NodeShell]) -> int:
