@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 #: Nothing that the browser does of its own accord is to go out, or into the log of requests.
@@ -26,6 +26,8 @@ FLAGS = [
 ]
 #: How long anything may take on a busy machine, s; nothing is judged by it.
 PATIENCE_S = 60.0
+#: How long the page may show no row.
+BETWEEN_S = 2.0
 
 
 def chromium() -> str:
@@ -55,6 +57,7 @@ def new_page(browser: Browser, width: int = 1400, height: int = 900) -> Page:
     """Make an empty page."""
     page = browser.new_page(viewport={"width": width, "height": height})
     page.set_default_timeout(PATIENCE_S * 1e3)
+    expect.set_options(timeout=PATIENCE_S * 1e3)  # five seconds otherwise
     return page
 
 
@@ -82,8 +85,11 @@ def acftc(*arguments: str, domain: int) -> Iterator[tuple[str, "subprocess.Popen
 
 
 def newest(page: Page, column: str) -> float:
-    """Newest value of a column that the page shows; nan where there is none."""
-    return newest_row(page).get(column, math.nan)
+    """Newest value of a column that the page shows; nan where there is none for a while (a page may be changing it)."""
+    until_s = time.monotonic() + BETWEEN_S
+    while math.isnan(value := newest_row(page).get(column, math.nan)) and time.monotonic() < until_s:
+        page.wait_for_timeout(50)
+    return value
 
 
 def newest_row(page: Page) -> dict[str, float]:
