@@ -7,6 +7,7 @@ Prints what the process holds now and then, as a table. Exit code 1 when somethi
 """
 
 import argparse
+import gc
 import os
 import sys
 import tempfile
@@ -40,7 +41,8 @@ class Held:
 
     @classmethod
     def now(cls, runs: int) -> "Held":
-        """Look at this process."""
+        """Look at this process, at what it holds and not at what waits to be collected."""
+        gc.collect()
         children = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
         return cls(
             runs=runs,

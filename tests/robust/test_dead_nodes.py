@@ -82,14 +82,14 @@ def test_without_fdi_or_compensator_k0_goes_on_and_no_command_is_missed(node: st
     # Bumpless: while q is gone the command never moves by more than q was, which fades.
     last_q = abs(ordeal.recording.series[Q][without[0] - 1])
     moved = np.abs(np.diff(ordeal.recording.series[SPEED][without[0] - 1 : without[-1]]))
-    assert np.max(moved) <= last_q + 0.1  # what K0 itself does in a tick, noise and all
+    assert np.nanmax(moved) <= last_q + 0.1  # what K0 itself does in a tick, noise and all; gaps are counted above
     # Nothing of what was known is lost: the fault is still the isolated one.
     assert {row.isolated for row in ordeal.recording.status if row.time_s > 4.5} == {"compressor_speed"}
 
 
 def test_recorder_goes_on_in_a_file_of_its_own(ordeal: Ordeal) -> None:
     assert [file.name for file in sorted(ordeal.run.bag.glob("*.mcap"))] == ["bag_0.mcap", "bag_1.mcap"]
-    lost = ordeal.missing(SPEED, 0, ordeal.died[CONTROLLER] - 2)
+    lost = ordeal.missing(SPEED, ordeal.died[RECORDER] - 6, ordeal.died[CONTROLLER] - 2)
     assert len(lost) < 10 * PATIENCE_S
     assert lost == list(range(lost[0], lost[0] + len(lost)))
     assert abs(lost[0] - ordeal.died[RECORDER]) <= 5  # it loses what it had not flushed yet
