@@ -76,8 +76,8 @@ MAX_PHI_AGE = 20.0
 """Accepted steps for which one Jacobian serves exponential steps: their error hardly depends on its age."""
 MAX_PHI_ERROR = 30.0
 """Largest error estimate of an exponential step, in units of the tolerance. It is that of a method one order lower."""
-HOPELESS = 10
-"""Beyond this many times that a younger Jacobian is not even tried."""
+HOPELESS = 10.0
+"""An estimate this many times `MAX_PHI_ERROR` is the plant's, not an old Jacobian's: a new one is not even tried."""
 OUTSIDE, NOT_FINITE = 1, 2
 """What `run` may return instead of 0."""
 ERROR_SCALE = np.array([1e-2, 1e3, 1e5, 5.0, 5.0, 1e5, 1e4, 0.1, 1e5, 5.0, 5.0, 5.0])

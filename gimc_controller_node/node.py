@@ -26,7 +26,7 @@ from bringup.topics import CONTROLLER
 
 #: Fields of `ProtectionLimits` that are parameters, with what they may be.
 LIMITS = {
-    "lowest_pressure_pa": (160e3, 0.0, 1e6, "evaporator pressure below which the compressor is slowed down, Pa"),
+    "lowest_pressure_pa": (160e3, 0.0, 1e6, "evaporator pressure below which the compressor speed is capped, Pa"),
     "lowest_superheat_k": (3.0, 0.0, 50.0, "superheat below which the valve opening is capped, K"),
     "release_s": (10.0, 0.0, 600.0, "how long a command must be below its cap before the cap is gone, s"),
 }

@@ -5,8 +5,8 @@ of an air conditioner opens there. Below a lowest superheat liquid may reach the
 known without a model: less speed against the one, less valve opening against the other. So while the pressure
 (superheat) is below its lowest value, a cap on the speed (opening) comes down from what the command is, in a ramp; when
 it is well above, the cap goes up again, slowly, and when the command has been below it for a while it is gone. This is
-the override (selector) control of process engineering: the controller stays in the loop, and may do more of the same.
-An anti-windup as that of `Controller` is what it needs besides.
+the override (selector) control of process engineering: the controller stays in the loop, and may do more of the same;
+its anti-windup (see `Controller`) takes care of the rest.
 
 A reference that low is not even tried: the controller would be driven there again and again.
 """
@@ -22,6 +22,14 @@ from bringup.units import RPM
 
 COLD = "evaporator pressure too low (freezing): compressor speed is capped"
 DRY = "superheat too low (liquid to the compressor): valve opening is capped"
+
+
+class Guard(NamedTuple):
+    """Of one cap: the margin above which it goes up again, the least that it leaves, and how fast it comes down."""
+
+    margin: float
+    least: float
+    rate: float
 
 
 @dataclass(frozen=True)
@@ -58,6 +66,16 @@ class ProtectionLimits:
         for name, value in vars(self).items():
             if not (math.isfinite(value) and value >= 0.0):
                 raise ValueError(f"protection: {name} is {value!r}; allowed: a number, not negative")
+
+    @property
+    def speed_guard(self) -> Guard:
+        """Of the cap on the speed: Pa, rad/s, rad/s^2."""
+        return Guard(self.pressure_margin_pa, self.least_speed_rad_s, self.speed_rate_rad_s2)
+
+    @property
+    def opening_guard(self) -> Guard:
+        """Of the cap on the opening: K, 0..1, 1/s."""
+        return Guard(self.superheat_margin_k, self.least_opening, self.opening_rate_1_s)
 
     @property
     def lowest_reference(self) -> NDArray[np.float64]:
@@ -101,9 +119,7 @@ class Protection(NamedTuple):
     @property
     def reason(self) -> str:
         """`COLD`, `DRY`, both, or empty: which caps there are."""
-        return "; ".join(
-            why for cap, why in ((self.speed, COLD), (self.opening, DRY)) if cap.value < math.inf
-        )  # a command is finite
+        return "; ".join(why for cap, why in ((self.speed, COLD), (self.opening, DRY)) if cap.value < math.inf)
 
 
 IDLE = Protection()
@@ -137,41 +153,24 @@ def protect(
     if state is IDLE and pressure >= limits.lowest_pressure_pa and superheat >= limits.lowest_superheat_k:
         return state
     speed = _moved(
-        state.speed,
-        pressure - limits.lowest_pressure_pa,
-        limits.pressure_margin_pa,
-        command[0],
-        (limits.least_speed_rad_s, limits.speed_rate_rad_s2 * sample_time_s),
-        (limits.confirm_s, limits.release_s, sample_time_s),
+        state.speed, pressure - limits.lowest_pressure_pa, command[0], limits.speed_guard, limits, sample_time_s
     )
     opening = _moved(
-        state.opening,
-        superheat - limits.lowest_superheat_k,
-        limits.superheat_margin_k,
-        command[1],
-        (limits.least_opening, limits.opening_rate_1_s * sample_time_s),
-        (limits.confirm_s, limits.release_s, sample_time_s),
+        state.opening, superheat - limits.lowest_superheat_k, command[1], limits.opening_guard, limits, sample_time_s
     )
     return IDLE if speed == opening == FREE else Protection(speed, opening)
 
 
-def _moved(
-    cap: Cap,
-    above: float,
-    margin: float,
-    command: float,
-    least_stride: tuple[float, float],
-    times_s: tuple[float, float, float],
-) -> Cap:
+def _moved(cap: Cap, above: float, command: float, guard: Guard, limits: ProtectionLimits, sample_time_s: float) -> Cap:
     """One tick of one cap; `above` is by how much what it protects is above its lowest value."""
-    (least, stride), (confirm_s, release_s, sample_time_s) = least_stride, times_s
+    stride = guard.rate * sample_time_s
     low_s = cap.low_s + sample_time_s if above < 0.0 else 0.0
     value = cap.value
-    if low_s > confirm_s - 0.5 * sample_time_s:
-        value = max(min(value, command) - stride, min(least, command))
-    elif above > margin:
+    if low_s > limits.confirm_s - 0.5 * sample_time_s:
+        value = max(min(value, command) - stride, min(guard.least, command))
+    elif above > guard.margin:
         value += UP * stride
     if value == math.inf:
         return Cap(low_s=low_s)
     free_s = cap.free_s + sample_time_s if command < value - stride else 0.0
-    return FREE if free_s > release_s and not low_s else Cap(value, low_s, free_s)
+    return FREE if free_s > limits.release_s and not low_s else Cap(value, low_s, free_s)
