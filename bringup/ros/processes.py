@@ -89,10 +89,10 @@ def end_with_parent() -> None:
     if os.getppid() != int(parent):
         sys.exit(1)
     with contextlib.suppress(OSError):  # a parent that has died since then has told us already
-        threading.Thread(target=_outlive, args=(os.pidfd_open(int(parent)),), daemon=True).start()
+        threading.Thread(target=_end_some_time_after, args=(os.pidfd_open(int(parent)),), daemon=True).start()
 
 
-def _outlive(parent: int) -> None:
+def _end_some_time_after(parent: int) -> None:
     """End this process `PATIENCE_S` after the one of this file descriptor, whatever it does then."""
     select.select([parent], [], [])
     time.sleep(PATIENCE_S)
