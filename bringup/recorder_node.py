@@ -99,7 +99,9 @@ class RecorderNode(NodeShell):
             if number < self._loop_topics and stamp > self._last_ns:
                 self._last_ns = stamp
             bag.write(number, data, now_ns or stamp, stamp)
-        self.health.ticks = bag.counts[0]
+        was_idle, self.health.ticks = self.health.ticks == 0, bag.counts[0]
+        if was_idle and self.health.ticks:
+            self.soon(self.report_health)  # it is in service
         if self._finished_s is None and not self._lockstep and 0 < self._ticks <= bag.counts[self._last_topic]:
             self._finished_s = time.monotonic()  # for a plant that has nothing to say on /diagnostics
         return True

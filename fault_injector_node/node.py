@@ -81,7 +81,7 @@ class InjectorNode(NodeShell):
         self._injector = FaultInjector(self.value("noise_std"), self.value("seed"), self.value("superheat_sensor"))
         self._live = {fault: LiveFault(self.value("sample_time_s")) for fault in FAULTS}
         self._last_f_n = 0.0
-        self._moved_ns = -1  # the tick in which actuators were moved without a command
+        self._moved_ns = -1  # the last tick in which actuators were moved without a command
         self._f_n: dict[int, float] = {}  # of ticks whose command has not come yet
         self._measured_ns = -1
         self._derived = self.value("superheat_sensor") == "derived"
@@ -149,8 +149,8 @@ class InjectorNode(NodeShell):
         self._commanded_ns = time_ns
         self._hold.commanded((compressor_speed, valve_opening))
         self.enter("", time_ns)
-        if time_ns == self._moved_ns:
-            return  # they have had their command for this tick
+        if time_ns <= self._moved_ns:
+            return  # too late: the actuators have been moved for this tick
         actuator = self._injector.actuate(np.array([compressor_speed, valve_opening]), f_n)
         self.send(time_ns, "actuator/command", *actuator.tolist())
 

@@ -11,6 +11,7 @@ plant really gets, which is the anti-windup of this form.
 
 When a limit holds one command back, the other one does what is missing as far as it can: of all commands within the
 limits, the one is sent whose outputs are nearest to what was wanted, some seconds ahead (`ControllerDesign.priority`).
+The references r have passed the governor (`gimc_controller_node.governor`).
 """
 
 import math
@@ -20,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fdi_node.cache import Arrays
+from gimc_controller_node.governor import ReferenceGovernor
 
 Vector = NDArray[np.float64]
 
@@ -50,6 +52,10 @@ class ControllerDesign:
     priority : ndarray, shape (2, 2)
         Positive definite P: at a limit the command u is sent for which `(u - wanted)' P (u - wanted)` is least. Designs
         without it cut each command by itself.
+    lead : ndarray, shape (2,)
+        How far the references of p_e [Pa] and SH [K] may run ahead of the loop; designs without it do not care.
+    lag_s : ndarray, shape (2,)
+        Time constants with which the loop is taken to follow them [s].
     """
 
     phi: Vector
@@ -62,11 +68,14 @@ class ControllerDesign:
     command_rate: Vector
     sample_time_s: float
     priority: Vector = field(default_factory=lambda: np.eye(2))
+    lead: Vector = field(default_factory=lambda: np.full(2, np.inf))
+    lag_s: Vector = field(default_factory=lambda: np.ones(2))
 
     @classmethod
     def from_arrays(cls, arrays: Arrays) -> "ControllerDesign":
-        """Design from the arrays that the cache stores; those of older bags may lack rate limits and priority."""
-        known = {"command_rate": np.full(2, np.inf), "priority": np.eye(2), **arrays}
+        """Design from the arrays that the cache stores; those of older bags may lack what came later."""
+        free = {"command_rate": np.full(2, np.inf), "lead": np.full(2, np.inf)}
+        known = {**free, "lag_s": np.ones(2), "priority": np.eye(2), **arrays}
         matrices = {name: np.ascontiguousarray(known[name]) for name in cls.__dataclass_fields__}
         return cls(**{**matrices, "sample_time_s": float(arrays["sample_time_s"])})  # type: ignore[arg-type]
 
@@ -106,6 +115,7 @@ class Controller:
         self._low: list[float] = design.command_min.tolist()
         self._high: list[float] = design.command_max.tolist()
         self._stride: list[float] = (design.command_rate * design.sample_time_s).tolist()
+        self._governor = ReferenceGovernor(design.lead.tolist(), design.lag_s.tolist(), design.sample_time_s)
         (self._cost_speed, self._cost_both), (_, self._cost_valve) = design.priority.tolist()
         self._caps = (math.inf, math.inf)
         self.at_limit = (False, False)
@@ -130,8 +140,10 @@ class Controller:
             Compressor speed [rad/s] and valve opening [0..1], within their limits, and within their rates of the
             command before. This is what the plant must get, and what the observer must be told.
         """
-        wanted_pressure, wanted_superheat = reference.tolist()
         pressure, superheat, *_ = measured.tolist()
+        if not self._governor.is_started:
+            self._governor.start((pressure, superheat))
+        wanted_pressure, wanted_superheat = self._governor.step(reference.tolist())
         self._error[0], self._error[1] = wanted_pressure - pressure, wanted_superheat - superheat
         np.dot(self._output, self._seen, out=self._wanted)
         speed, valve = self._wanted.tolist()
@@ -186,7 +198,8 @@ class Controller:
         """
         design = self.design
         sent = np.minimum(np.maximum(command, design.command_min), design.command_max)
-        error = reference - measured[:2]
+        self._governor.start(measured[:2].tolist())
+        error = np.array(self._governor.governed(reference.tolist())) - measured[:2]
         if not (np.isfinite(sent).all() and np.isfinite(error).all()):
             raise ValueError(f"cannot resume from command {command}, measured {measured}, reference {reference}")
         at_rest = np.linalg.solve(np.eye(self._n) - design.phi, design.gamma[:, 2:])  # xi under a unit command held

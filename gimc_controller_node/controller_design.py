@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from ac_plant_node import operating_point
-from bringup.units import RPM
+from bringup.units import KPA, RPM
 from fdi_node.cache import Arrays
 from fdi_node.design_model import COMMAND_UNIT, OUTPUT_UNIT, DesignModel, design_model, to_si
 from fdi_node.design_report import BlockReport
@@ -29,6 +29,9 @@ Matrix = NDArray[np.float64]
 
 LIMIT_UNIT = np.array([RPM, 0.01])
 """Units of `CommandLimits`: rpm and %."""
+
+LEAD_UNIT = np.array([KPA, 1.0])
+"""Units of `ControllerWeights.lead`: kPa and K."""
 
 PRIORITY_S = 5.0
 """How far ahead one command makes up for the other one that is at a limit: some seconds are as good as any."""
@@ -144,6 +147,8 @@ def synthesise(point: str, sample_time_s: float, weights: ControllerWeights) -> 
         "command_rate": np.array(weights.limits.rate) * LIMIT_UNIT,
         "sample_time_s": np.array(sample_time_s),
         "priority": limit_priority(model),
+        "lead": np.array(weights.lead) * LEAD_UNIT,
+        "lag_s": np.array(weights.lag_s),
         "K_a": K.A,
         "K_b": K.B,
         "K_c": K.C,

@@ -50,6 +50,11 @@ class ControllerWeights:
         What the order reduction may change K0 by, in design units.
     limits : CommandLimits
         Of the commands; no part of the synthesis, but of what the controller does.
+    lead : tuple of float
+        How far a reference of p_e [kPa] and SH [K] may run ahead of the loop (`gimc_controller_node.governor`): more
+        than the paper's experiments ask for at once, less than what shuts the valve at the low point.
+    lag_s : tuple of float
+        How fast the loop is taken to follow, s: slower than it does.
     """
 
     bandwidth_rad_s: tuple[float, float] = (0.3, 0.1)
@@ -62,6 +67,8 @@ class ControllerWeights:
     factor_speed: float = 10.0
     reduction: float = 1e-3
     limits: CommandLimits = CommandLimits()
+    lead: tuple[float, float] = (8.0, 3.0)
+    lag_s: tuple[float, float] = (2.5, 10.0)
 
 
 PAPER_CONTROLLER = ControllerWeights(

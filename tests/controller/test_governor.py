@@ -1,0 +1,76 @@
+"""What the governor passes on: small steps to the last bit, large ones as the loop can follow them."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ac_plant_node import Plant, operating_point
+from gimc_controller_node import Controller, design_controller
+from gimc_controller_node.governor import ReferenceGovernor
+
+SAMPLE_TIME_S = 0.1
+LEAD, LAG_S = (8e3, 3.0), (2.5, 10.0)
+
+
+def started(*outputs: float) -> ReferenceGovernor:
+    governor = ReferenceGovernor(LEAD, LAG_S, SAMPLE_TIME_S)
+    governor.start(outputs)
+    return governor
+
+
+@given(st.floats(-8e3, 8e3), st.floats(-3.0, 3.0))
+def test_a_small_step_is_passed_on_to_the_last_bit(pressure: float, superheat: float) -> None:
+    governor = started(0.0, 0.0)
+    assert all(governor.step((pressure, superheat)) == [pressure, superheat] for _ in range(50))
+
+
+@given(st.lists(st.floats(-1e5, 1e5), min_size=1, max_size=200))
+def test_it_is_never_further_ahead_than_the_lead_and_between_where_it_was_and_what_is_wanted(
+    wanted: list[float],
+) -> None:
+    governor, expected = started(0.0, 0.0), 0.0
+    for reference in wanted:
+        passed, _ = governor.step((reference, 0.0))
+        assert abs(passed - expected) <= LEAD[0] * (1.0 + 1e-12)
+        assert min(expected, reference) <= passed <= max(expected, reference)
+        expected -= math.expm1(-SAMPLE_TIME_S / LAG_S[0]) * (passed - expected)
+
+
+def test_a_large_step_arrives_after_the_time_that_lead_and_lag_say() -> None:
+    governor = started(0.0, 20.0)
+    passed = np.array([governor.step((40e3, 20.0)) for _ in range(300)])
+    per_tick = -LEAD[0] * math.expm1(-SAMPLE_TIME_S / LAG_S[0])  # of where the loop is expected: 3.1 kPa/s
+    np.testing.assert_allclose(np.diff(passed[:90, 0]), per_tick, rtol=1e-9)
+    arrived = int(np.argmax(passed[:, 0] == 40e3))
+    assert arrived == math.ceil((40e3 - LEAD[0]) / per_tick)
+    assert (passed[arrived:, 0] == 40e3).all()
+    assert (passed[:, 1] == 20.0).all()
+
+
+def test_it_must_be_started_and_does_not_hide_what_is_no_number() -> None:
+    with pytest.raises(ValueError, match="start it first"):
+        ReferenceGovernor(LEAD, LAG_S, SAMPLE_TIME_S).step((0.0, 0.0))
+    assert math.isnan(started(0.0, 0.0).step((math.nan, 0.0))[0])
+
+
+@pytest.mark.parametrize(
+    ("point", "step_k"),
+    [*((point, step_k) for point in ("med", "high") for step_k in (10.0, -10.0)), ("low", 5.0), ("low", -10.0)],
+)
+def test_a_step_of_the_superheat_and_back_overshoots_by_less_than_a_tenth(point: str, step_k: float) -> None:
+    """At the low point without the governor +5 K overshoots by 16 % and moves p_e by 33 kPa."""
+    rest, plant = operating_point(point), Plant.at(point)
+    controller, inputs, outputs = Controller(design_controller(point, SAMPLE_TIME_S)), rest.inputs.copy(), rest.outputs
+    superheat, pressure = np.empty(4100), np.empty(4100)
+    for k in range(len(superheat)):
+        superheat[k], pressure[k] = outputs[1] - rest.outputs[1], outputs[0] - rest.outputs[0]
+        reference = rest.outputs[:2] + np.array([0.0, step_k if 100 <= k < 2100 else 0.0])
+        inputs[:2] = controller.step(reference, outputs, np.zeros(2))
+        outputs = plant.step(inputs, SAMPLE_TIME_S)
+    assert (superheat[:2100] / step_k).max() < 1.1
+    assert (-superheat[2100:] / step_k).max() < 0.1
+    assert np.abs(superheat[[2099, -1]] - [step_k, 0.0]).max() < 0.05
+    assert np.abs(pressure).max() < 2e3
