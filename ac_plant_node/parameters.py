@@ -1,6 +1,5 @@
-"""Parameters of the plant: read from YAML, checked against their ranges, flat for the compiled code."""
+"""Parameters of the plant, flat for the compiled code. Files of one's own are checked in `parameter_file`."""
 
-import difflib
 import hashlib
 import json
 import os
@@ -8,15 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
 
-from ac_plant_node.tables import REFRIGERANTS
-from bringup.errors import shortened
-from bringup.yaml_file import parsed, text_of
+from bringup.yaml_file import parsed
 
 NAMES = (
     "charge_kg",
@@ -72,18 +68,6 @@ POINT_RANGES = {
 """What a row of a table of operating points holds beside its name, and the range of each."""
 
 
-def _word(name: str) -> str:
-    if not name.isidentifier() or len(name) > 40:
-        raise ValueError(f"must be a word of letters, digits and _, not {shortened(name)!r}")
-    return name
-
-
-def _point(key: str) -> Any:
-    """Schema of one entry of an operating point."""
-    low, high = POINT_RANGES[key]
-    return Field(ge=low, le=high, strict=True)
-
-
 @dataclass(frozen=True)
 class TableRow:
     """One operating point as it was measured: air inlet, inputs, and the rest they lead to.
@@ -91,15 +75,13 @@ class TableRow:
     The air flow is the nominal one of the parameters where `air_mass_flow_kg_s` is None.
     """
 
-    __pydantic_config__ = ConfigDict(extra="forbid")
-
-    name: Annotated[str, AfterValidator(_word)]
-    air_inlet_temperature_c: Annotated[float, _point("air_inlet_temperature_c")]
-    compressor_speed_rpm: Annotated[float, _point("compressor_speed_rpm")]
-    valve_opening_percent: Annotated[float, _point("valve_opening_percent")]
-    evaporator_pressure_kpa: Annotated[float, _point("evaporator_pressure_kpa")]
-    superheat_k: Annotated[float, _point("superheat_k")]
-    air_mass_flow_kg_s: Annotated[float, _point("air_mass_flow_kg_s")] | None = None
+    name: str
+    air_inlet_temperature_c: float
+    compressor_speed_rpm: float
+    valve_opening_percent: float
+    evaporator_pressure_kpa: float
+    superheat_k: float
+    air_mass_flow_kg_s: float | None = None
 
 
 TABLE_I = (
@@ -173,11 +155,24 @@ def load_parameters(path: str | Path | None = None) -> Parameters:
         One line: the entry that is unknown, not a number or outside its range.
     """
     own = path if path is not None else os.environ.get(PLANT_VARIABLE) or None
-    source = str(own) if own is not None else "parameters.yaml"
-    file = _validated(source, {} if own is None else _read_mapping(Path(own)), _plant_schema())
-    array = np.array([getattr(file, name) for name in NAMES])
+    if own is None:
+        known = shipped()
+        return _parameters(known["refrigerant"], {name: float(known[name]["value"]) for name in NAMES})
+    from ac_plant_node.parameter_file import checked_plant  # the schema's library takes a while to load
+
+    refrigerant, values, points = checked_plant(Path(own))
+    return _parameters(refrigerant, values, str(own), points)
+
+
+def _parameters(
+    refrigerant: str,
+    values: Mapping[str, float],
+    source: str = "parameters.yaml",
+    points: tuple[TableRow, ...] = TABLE_I,
+) -> Parameters:
+    array = np.array([values[name] for name in NAMES])
     array.setflags(write=False)
-    return Parameters(file.refrigerant, array, source, file.points)
+    return Parameters(refrigerant, array, source, points)
 
 
 def load_points(path: str | Path) -> tuple[TableRow, ...]:
@@ -188,7 +183,9 @@ def load_points(path: str | Path) -> tuple[TableRow, ...]:
     ValueError
         One line: the row and the entry that is missing, unknown, not a number or outside `POINT_RANGES`.
     """
-    return _validated(str(path), _read_mapping(Path(path)), _TableFile).points
+    from ac_plant_node.parameter_file import checked_points
+
+    return checked_points(Path(path))
 
 
 def parameter_text(parameters: Parameters, remarks: Mapping[str, str] | None = None) -> str:
@@ -200,10 +197,10 @@ def parameter_text(parameters: Parameters, remarks: Mapping[str, str] | None = N
     remarks : mapping, optional
         Reasons to write in place of the shipped ones, for instance where a value was found.
     """
-    shipped = _shipped()
+    known = shipped()
     lines = [f"refrigerant: {parameters.refrigerant}"]
     for name in NAMES:
-        entry = shipped[name]
+        entry = known[name]
         same = parameters[name] == float(entry["value"])
         reason = (remarks or {}).get(name, entry["reason"] if same else "given")
         words = f"unit: {json.dumps(entry['unit'])}, low: {entry['low']}, high: {entry['high']}"
@@ -217,136 +214,15 @@ def parameter_text(parameters: Parameters, remarks: Mapping[str, str] | None = N
 
 def parameter_range(name: str) -> tuple[float, float]:
     """Lowest and highest value of a parameter."""
-    entry = _shipped()[name]
+    entry = shipped()[name]
     return float(entry["low"]), float(entry["high"])
 
 
-# --------------------------------------------------------------------------------------------- files and their schema
-
-
-def _read_mapping(path: Path) -> dict[str, Any]:
-    data = parsed(text_of(path), f"{path}: not valid YAML")
-    if not isinstance(data, dict):
-        raise ValueError(f"{path}: expected a mapping of names to values")
-    return {str(key): value for key, value in data.items()}
-
-
 @cache
-def _shipped() -> dict[str, Any]:
+def shipped() -> dict[str, Any]:
     """The shipped file: of every parameter the value, unit, range and reason."""
-    return _read_mapping(Path(__file__).with_name("parameters.yaml"))
-
-
-def _known_refrigerant(name: str) -> str:
-    if name not in REFRIGERANTS:
-        raise ValueError(f"{shortened(name)!r}, allowed are {', '.join(REFRIGERANTS)}")
-    return name
-
-
-def _distinct(rows: tuple[TableRow, ...]) -> tuple[TableRow, ...]:
-    names = [row.name for row in rows]
-    twice = [name for name in names if names.count(name) > 1]
-    if twice:
-        raise ValueError(f"{twice[0]!r} is there twice")
-    return rows
-
-
-def _for_the_loop(rows: tuple[TableRow, ...]) -> tuple[TableRow, ...]:
-    missing = [name for name in POINTS if name not in {row.name for row in rows}]
-    if missing:
-        raise ValueError(f"{missing[0]!r} is missing; the loop runs at {', '.join(POINTS)}")
-    return rows
-
-
-_Rows = Annotated[tuple[TableRow, ...], Field(min_length=3, max_length=LARGEST_TABLE), AfterValidator(_distinct)]
-
-
-class _TableFile(BaseModel):
-    """A table of operating points."""
-
-    model_config = ConfigDict(extra="forbid")
-    points: _Rows
-
-
-class _PlantFile(BaseModel):
-    """What a parameter file holds beside the numbers of `NAMES`."""
-
-    model_config = ConfigDict(extra="forbid")
-    refrigerant: Annotated[str, AfterValidator(_known_refrigerant)] = "R134a"
-    points: Annotated[_Rows, AfterValidator(_for_the_loop)] = TABLE_I
-
-
-def _plain(shipped: Mapping[str, Any]) -> BeforeValidator:
-    """Takes the number out of the long form ``{value: .., unit: .., ...}``."""
-
-    def number(entry: Any) -> Any:
-        if not isinstance(entry, dict):
-            return entry
-        unknown = [key for key in entry if key not in shipped]
-        if unknown or "value" not in entry:
-            what = f"unknown key {shortened(unknown[0])!r}" if unknown else "'value' is missing"
-            raise ValueError(f"{what}; allowed are {', '.join(shipped)}")
-        if entry.get("unit", shipped["unit"]) != shipped["unit"]:
-            raise ValueError(f"unit {shortened(entry['unit'])!r}; the value must be in {shipped['unit']}")
-        return entry["value"]
-
-    return BeforeValidator(number)
-
-
-@cache
-def _plant_schema() -> type[_PlantFile]:
-    """A parameter file: every entry may be left out, its range and its default are those of the shipped file."""
-    shipped = _shipped()
-    fields: dict[str, Any] = {
-        name: (
-            Annotated[
-                float, _plain(shipped[name]), Field(ge=shipped[name]["low"], le=shipped[name]["high"], strict=True)
-            ],
-            float(shipped[name]["value"]),
-        )
-        for name in NAMES
-    }
-    return create_model("PlantFile", __base__=_PlantFile, **fields)
-
-
-def _validated[M: BaseModel](source: str, data: dict[str, Any], schema: type[M]) -> M:
-    try:
-        return schema.model_validate(data)
-    except ValidationError as error:
-        raise ValueError(f"{source}: {_line(error.errors(include_url=False)[0], tuple(schema.model_fields))}") from None
-
-
-def _line(problem: Any, top: tuple[str, ...]) -> str:
-    """One of pydantic's problems in the words of this project: where, what was given, what is allowed."""
-    *above, key = [str(part) for part in problem["loc"]]
-    kind, given = problem["type"], problem["input"]
-    inside = f"{'.'.join(above)}: " if above else ""
-    row = ("name", *POINT_RANGES)
-    if kind == "value_error":
-        return f"{inside}{key}: {problem['ctx']['error']}"
-    if kind in ("extra_forbidden", "unexpected_keyword_argument"):
-        known = row if above else top
-        listed = f"; allowed are {', '.join(known)}" if len(known) < len(NAMES) else ""
-        return f"{inside}unknown key {shortened(key)!r}{_nearest(key, known)}{listed}"
-    if kind == "missing":
-        return f"{inside}{key} is missing"
-    if kind.startswith(("float", "finite")):
-        return f"{inside}{key} is not a number"
-    if kind in ("greater_than_equal", "less_than_equal"):
-        low, high = POINT_RANGES[key] if above else parameter_range(key)
-        unit = "" if above else f" {_shipped()[key]['unit']}"
-        number = shortened(given["value"] if isinstance(given, dict) else given)
-        return f"{inside}{key} = {number}{unit} is outside {low:g} to {high:g}"
-    if kind.startswith(("tuple", "too_")):
-        return f"{inside}{key}: expected a list of 3 to {LARGEST_TABLE} operating points"
-    if kind.startswith("dataclass"):
-        return f"{inside}{key}: expected a mapping with {', '.join(row)}".replace("points: ", "points.")
-    return f"{inside}{key}: {problem['msg']}"
-
-
-def _nearest(word: str, known: tuple[str, ...]) -> str:
-    near = difflib.get_close_matches(word, known, n=1)
-    return f", did you mean {near[0]!r}?" if near else ""
+    text = Path(__file__).with_name("parameters.yaml").read_text(encoding="utf-8")
+    return dict(parsed(text, "parameters.yaml: not valid YAML"))
 
 
 def digest(*parts: bytes) -> str:

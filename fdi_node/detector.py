@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_lyapunov
 
 from bringup.topics import FAULTS
 from fdi_node.cache import Arrays
@@ -245,7 +244,7 @@ class FaultDetector:
         inputs = self._now(measured, air_inlet_temperature_c, command)
         rest = np.linalg.solve(np.eye(len(design.a)) - design.a, design.b @ inputs)
         driven = design.b * _INPUT_SIZES
-        covariance = solve_discrete_lyapunov(design.a, driven @ driven.T)
+        covariance = _covariance(design.a, driven @ driven.T)
         towards = covariance @ design.c.T
         self._observer[:] = rest + towards @ np.linalg.solve(design.c @ towards, inputs[3:] - design.c @ rest)
         self._filter[:] = 0.0
@@ -357,3 +356,10 @@ class FaultDetector:
 def _since(since: float, holds: bool, time_s: float) -> float:
     """Time since when a condition holds without a break; `NOT` while it does not."""
     return min(since, time_s) if holds else NOT
+
+
+def _covariance(A: Vector, W: Vector) -> Vector:
+    """Solution of `P = A P A' + W`; SciPy has one, but takes longer to load than this takes for a dozen states."""
+    n = len(A)
+    P: Vector = np.linalg.solve(np.eye(n * n) - np.kron(A, A), W.ravel()).reshape(n, n)
+    return P

@@ -2,6 +2,7 @@
 
 import re
 from importlib import resources
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -42,6 +43,11 @@ def test_a_bad_parameter_file_gets_one_line(tmp_path, pattern, replacement, says
         load_parameters(path)
     assert "\n" not in str(info.value)
     assert "plant.yaml" in str(info.value)
+
+
+def test_the_shipped_file_is_within_its_own_ranges():
+    shipped = Path(tables.__file__).with_name("parameters.yaml")
+    assert load_parameters(shipped).identity == load_parameters().identity
 
 
 def test_missing_file(tmp_path):

@@ -166,3 +166,14 @@ def test_compensator_with_the_memory_of_another_goes_on_bit_for_bit():
         np.testing.assert_array_equal(one.step(innovation, FAULTS[0]), other.step(innovation, FAULTS[0]))
     with pytest.raises(ValueError, match="not the memory"):
         other.remember({})
+
+
+def test_a_detector_that_joins_takes_the_state_that_its_inputs_make_most_likely():
+    from scipy.linalg import solve_discrete_lyapunov
+
+    from fdi_node.detector import _covariance
+
+    fdi = design("low", T)
+    driven = fdi.b @ np.diag([4.0, 0.01, 1.0, 1000.0, 1.0, 0.5])
+    expected = solve_discrete_lyapunov(fdi.a, driven @ driven.T)
+    np.testing.assert_allclose(_covariance(fdi.a, driven @ driven.T), expected, rtol=1e-6, atol=1e-9 * expected.max())
