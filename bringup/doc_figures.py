@@ -103,8 +103,8 @@ def _own_filter() -> Values:
 
 
 def _own_controller() -> Values:
-    """`examples/own_controller.py` as a node in the graph, until the peak is over."""
-    command = "run actuator_fault --set duration_s=560 --json --out results/pi --node"
+    """`examples/own_controller.py` as a node in the graph, around the fault, which comes sooner."""
+    command = "run actuator_fault --set faults.0.onset_s=20 --set duration_s=80 --json --out results/pi --node"
     return _figures(_acftc(*command.split(), f"gimc_controller={sys.executable} examples/own_controller.py"))
 
 

@@ -36,7 +36,7 @@ TEXT_PERIOD_S = 0.5
 #: A browser that has drawn nothing for so long, s, gets another update all the same: its answer may be lost.
 ANSWER_S = 1.0
 #: Choices of how much time the plots show, s.
-WINDOWS_S = (60, 120, round(WINDOW_S))
+WINDOWS_S = (30, 120, round(WINDOW_S))
 
 _TEXT = """
 :host { font-family: system-ui, sans-serif; font-size: 14px; color: #1a1a1a; }
