@@ -15,7 +15,8 @@ from ac_plant_node import integrator, model
 from ac_plant_node.compiled import Array, jit
 from ac_plant_node.equilibrium import operating_point
 from ac_plant_node.model import INPUT_HIGH, INPUT_LOW
-from ac_plant_node.parameters import POINTS, load_parameters
+from ac_plant_node.parameter_file import load_parameters
+from ac_plant_node.parameters import POINTS
 from ac_plant_node.plant import Plant
 from ac_plant_node.tables import Tables, load_tables
 from bringup.bench.figure import Figure

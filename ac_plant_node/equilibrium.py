@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from ac_plant_node import integrator, model
 from ac_plant_node.calibration import RPM, row_inputs, starting_state, superheated_enthalpy
-from ac_plant_node.parameters import Parameters, load_parameters
+from ac_plant_node.parameter_file import load_parameters
+from ac_plant_node.parameters import Parameters
 from ac_plant_node.tables import Tables, load_tables
 
 X_SCALE = np.array([0.1, 1.0e4, 1.0e4, 5.0, 5.0, 0.1, 0.1, 1.0e5, 1.0e4, 5.0, 5.0, 5.0])

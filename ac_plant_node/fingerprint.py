@@ -3,7 +3,8 @@
 import hashlib
 from pathlib import Path
 
-from ac_plant_node.parameters import Parameters, digest, load_parameters
+from ac_plant_node.parameter_file import load_parameters
+from ac_plant_node.parameters import Parameters, digest
 from ac_plant_node.tables import table_identity
 
 COMPILED_SOURCES = (

@@ -9,7 +9,7 @@ from scipy.linalg import matrix_balance, null_space
 
 from ac_plant_node import model
 from ac_plant_node.equilibrium import X_SCALE, OperatingPoint, operating_point, rates
-from ac_plant_node.parameters import load_parameters
+from ac_plant_node.parameter_file import load_parameters
 from ac_plant_node.tables import load_tables
 
 INPUTS = ("compressor_speed", "valve_opening", "air_mass_flow", "air_inlet_temperature")

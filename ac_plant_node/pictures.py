@@ -14,7 +14,8 @@ from ac_plant_node import model
 from ac_plant_node.drive_cycle import load_drive_cycle, run_drive_cycle
 from ac_plant_node.equilibrium import operating_point
 from ac_plant_node.lookup import saturation
-from ac_plant_node.parameters import POINTS, load_parameters
+from ac_plant_node.parameter_file import load_parameters
+from ac_plant_node.parameters import POINTS
 from ac_plant_node.plant import RPM, Plant
 from ac_plant_node.tables import load_tables
 from bringup.report.charts import Chart, Curve

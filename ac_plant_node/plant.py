@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from ac_plant_node import integrator, model
 from ac_plant_node.equilibrium import OperatingPoint, operating_point
-from ac_plant_node.parameters import Parameters, load_parameters
+from ac_plant_node.parameter_file import load_parameters
+from ac_plant_node.parameters import Parameters
 from ac_plant_node.tables import load_tables
 
 RPM = 2.0 * np.pi / 60.0

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from ac_plant_node import model, zones
 from ac_plant_node.lookup import Saturation
-from ac_plant_node.parameters import Parameters, load_parameters
+from ac_plant_node.parameter_file import load_parameters
+from ac_plant_node.parameters import Parameters
 from ac_plant_node.tables import Tables, load_tables
 
 

@@ -3,7 +3,7 @@
 import math
 from functools import cache
 
-from ac_plant_node.parameters import load_parameters
+from ac_plant_node.parameter_file import load_parameters
 from ac_plant_node.tables import Tables, load_tables
 
 

@@ -105,7 +105,8 @@ def _point(point: "CalibratedPoint", rest: "OperatingPoint") -> dict[str, Any]:
 
 
 def _write(out: Path, solved: "Parameters", source: str) -> None:
-    from ac_plant_node.parameters import SOLVED, parameter_text
+    from ac_plant_node.parameter_file import parameter_text
+    from ac_plant_node.parameters import SOLVED
 
     text = parameter_text(solved, dict.fromkeys(SOLVED, f"solved by acftc calibrate from {source}"))
     out.parent.mkdir(parents=True, exist_ok=True)

@@ -30,7 +30,7 @@ class Corners:
 
 @cache
 def _plant() -> tuple[Any, float]:
-    from ac_plant_node.parameters import load_parameters
+    from ac_plant_node.parameter_file import load_parameters
     from ac_plant_node.tables import load_tables
 
     parameters = load_parameters()

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ac_plant_node.parameters import PLANT_VARIABLE
+from ac_plant_node.parameter_file import PLANT_VARIABLE
 from bringup.commands.outcome import companion
 from bringup.loop import simulate
 from bringup.recording import Recording

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ac_plant_node.parameters import PLANT_VARIABLE
+from ac_plant_node.parameter_file import PLANT_VARIABLE
 from fdi_node import FdiWeights
 from fdi_node.cache import source_fingerprint
 from fdi_node.design_cache import cached_design

@@ -13,7 +13,8 @@ import yaml
 from ac_plant_node import TABLE_I, calibrate, load_parameters, load_points
 from ac_plant_node.calibration import row_inputs
 from ac_plant_node.equilibrium import equilibrium
-from ac_plant_node.parameters import NAMES, PLANT_VARIABLE, parameter_text
+from ac_plant_node.parameter_file import PLANT_VARIABLE, parameter_text
+from ac_plant_node.parameters import NAMES
 
 # The two files that docs/plant.md shows.
 DOCS = (Path(__file__).parents[2] / "docs" / "plant.md").read_text(encoding="utf-8")
