@@ -268,8 +268,8 @@ def test_a_node_that_was_started_again_is_an_event():
 
 
 def test_a_simulated_run_has_its_events_too():
-    """A step far beyond the design range: compensator and protection act, and say so."""
-    far = load("nominal", ["duration_s=40", "references.evaporator_pressure_kpa=[{at_s: 5, to: 90}]"])
+    """Air flow far beyond the design range: compensator and protection act, and say so."""
+    far = load("nominal", ["duration_s=40", "air.mass_flow_percent=[{at_s: 5, to: -80}]"])
     text = text_of(render(simulate(far)))
     rows = re.findall(r"<tr><td>([\d.]+)</td><td><code>(\w+)</code></td><td>([^<]+)</td></tr>", text)
     assert {(node, what.partition(":")[0]) for _, node, what in rows} == {
