@@ -115,7 +115,10 @@ class Controller:
         self._low: list[float] = design.command_min.tolist()
         self._high: list[float] = design.command_max.tolist()
         self._stride: list[float] = (design.command_rate * design.sample_time_s).tolist()
-        self._governor = ReferenceGovernor(design.lead.tolist(), design.lag_s.tolist(), design.sample_time_s)
+        self._governors = [
+            ReferenceGovernor(lead, lag_s, design.sample_time_s)
+            for lead, lag_s in zip(design.lead.tolist(), design.lag_s.tolist(), strict=True)
+        ]
         (self._cost_speed, self._cost_both), (_, self._cost_valve) = design.priority.tolist()
         self._caps = (math.inf, math.inf)
         self.at_limit = (False, False)
@@ -140,11 +143,11 @@ class Controller:
             Compressor speed [rad/s] and valve opening [0..1], within their limits, and within their rates of the
             command before. This is what the plant must get, and what the observer must be told.
         """
+        wanted_pressure, wanted_superheat = reference.tolist()
         pressure, superheat, *_ = measured.tolist()
-        if not self._governor.is_started:
-            self._governor.start((pressure, superheat))
-        wanted_pressure, wanted_superheat = self._governor.step(reference.tolist())
-        self._error[0], self._error[1] = wanted_pressure - pressure, wanted_superheat - superheat
+        for_pressure, for_superheat = self._governors
+        self._error[0] = for_pressure.step(wanted_pressure) - pressure
+        self._error[1] = for_superheat.step(wanted_superheat) - superheat
         np.dot(self._output, self._seen, out=self._wanted)
         speed, valve = self._wanted.tolist()
         q_speed, q_valve = self._faded(q)
@@ -198,8 +201,10 @@ class Controller:
         """
         design = self.design
         sent = np.minimum(np.maximum(command, design.command_min), design.command_max)
-        self._governor.start(measured[:2].tolist())
-        error = np.array(self._governor.governed(reference.tolist())) - measured[:2]
+        for governor, output in zip(self._governors, measured[:2].tolist(), strict=True):
+            governor.start(output)
+        governed = [g.governed(wanted) for g, wanted in zip(self._governors, reference.tolist(), strict=True)]
+        error = np.array(governed) - measured[:2]
         if not (np.isfinite(sent).all() and np.isfinite(error).all()):
             raise ValueError(f"cannot resume from command {command}, measured {measured}, reference {reference}")
         at_rest = np.linalg.solve(np.eye(self._n) - design.phi, design.gamma[:, 2:])  # xi under a unit command held

@@ -8,55 +8,39 @@ Kolmanovsky 2017, "Reference and command governors for systems with constraints"
 """
 
 import math
-from collections.abc import Sequence
 
 
 class ReferenceGovernor:
-    """The references that K0 is given, tick by tick.
+    """One reference as K0 is given it, tick by tick; the first tick's is given as it is, unless `start` came before.
 
     Parameters
     ----------
-    lead : sequence of float
-        How far each reference may be ahead of where the loop is expected to be.
-    lag_s : sequence of float
-        Time constants with which the loop is expected to follow.
+    lead : float
+        How far the reference may be ahead of where the loop is expected to be.
+    lag_s : float
+        Time constant with which the loop is expected to follow.
     sample_time_s : float
     """
 
-    def __init__(self, lead: Sequence[float], lag_s: Sequence[float], sample_time_s: float) -> None:
-        self._lead = list(lead)
-        self._share = [-math.expm1(-sample_time_s / lag) for lag in lag_s]
-        self._expected: list[float] | None = None
+    def __init__(self, lead: float, lag_s: float, sample_time_s: float) -> None:
+        self._lead = lead
+        self._share = -math.expm1(-sample_time_s / lag_s)
+        self._expected: float | None = None
 
-    @property
-    def is_started(self) -> bool:
-        """Whether it knows where the loop is."""
-        return self._expected is not None
+    def start(self, output: float) -> None:
+        """Begin anew with the loop at this output."""
+        self._expected = output
 
-    def start(self, outputs: Sequence[float]) -> None:
-        """Begin anew with the loop at these outputs."""
-        self._expected = list(outputs)
+    def governed(self, reference: float) -> float:
+        """What K0 is to be given for this reference now; nothing moves on."""
+        expected = self._expected
+        if expected is None or not abs(reference - expected) > self._lead:
+            return reference
+        return expected + math.copysign(self._lead, reference - expected)
 
-    def governed(self, references: Sequence[float]) -> list[float]:
-        """What K0 is to be given for these references now; nothing moves on.
-
-        Raises
-        ------
-        ValueError
-            Before `start`.
-        """
-        if self._expected is None:
-            raise ValueError("the governor does not know where the loop is: start it first")
-        return [
-            expected + math.copysign(lead, reference - expected) if abs(reference - expected) > lead else reference
-            for reference, expected, lead in zip(references, self._expected, self._lead, strict=True)
-        ]
-
-    def step(self, references: Sequence[float]) -> list[float]:
+    def step(self, reference: float) -> float:
         """As `governed`, and on to the next tick."""
-        passed = self.governed(references)
-        self._expected = [
-            expected + share * (reference - expected)
-            for reference, expected, share in zip(passed, self._expected or passed, self._share, strict=True)
-        ]
+        passed = self.governed(reference)
+        expected = passed if self._expected is None else self._expected
+        self._expected = expected + self._share * (passed - expected)
         return passed

@@ -59,9 +59,8 @@ def main() -> None:
     """Print the figures."""
     for noise in (False, True):
         loop, plant = loop_seconds(noise)
-        print(
-            f"1000 s of closed loop at 10 Hz, {'with noise' if noise else 'noise-free'}: {loop:.3f} s (bar {BAR_S:g} s)"
-        )
+        what = "with noise" if noise else f"noise-free (bar {BAR_S:g} s)"
+        print(f"1000 s of closed loop at 10 Hz, {what}: {loop:.3f} s")
         print(f"  the plant alone: {plant:.3f} s; all that is not the plant: {1e2 * (loop - plant):.1f} us a tick")
 
 
