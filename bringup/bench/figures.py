@@ -1,6 +1,7 @@
 """Benchmarks of the graph, each beside what it is measured against: speed, start, latency, memory, processor time."""
 
 import json
+import math
 import os
 import statistics
 import subprocess
@@ -158,10 +159,12 @@ def start_host_noise(duration_s: float, period_s: float = 0.01) -> "list[subproc
 
 
 def host_noise(probes: "list[subprocess.Popen[str]]") -> HostNoise:
-    """End the probes; what they have seen."""
+    """End the probes; what they have seen: nothing when they had not begun yet."""
     for probe in probes:
         probe.terminate()
-    seen = [json.loads(probe.communicate()[0]) for probe in probes]
+    seen = [json.loads(said) for probe in probes if (said := probe.communicate()[0])]
+    if not seen:
+        return HostNoise((), math.nan, "")
     stalls = sorted((due_s, woke_s) for each in seen for due_s, woke_s in each["stalls_at"])
     return HostNoise(tuple(stalls), max(each["max_ms"] for each in seen), seen[0]["scheduling"])
 

@@ -6,7 +6,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from bringup.bags.reader import health_reports, loop_messages, read_bag, read_raw
+from bringup.bench.figures import host_noise, start_host_noise
 from bringup.campaign.checks import Evidence, Limits, Verdict, judge
 from bringup.campaign.plan import Plan, ProcessFault, plan
 from bringup.designs import design_of
@@ -62,6 +63,7 @@ def run_seed(seed: int, folder: Path, duration_s: float, progress: Callable[[int
             progress(tick, ticks)
 
     run, problem = None, ""
+    probes = start_host_noise(duration_s + 60.0)
     try:
         run = run_graph(chosen.scenario, folder, mode="realtime", progress=follow, own=own, care=True)
     except BringupError as failure:
@@ -70,7 +72,8 @@ def run_seed(seed: int, folder: Path, duration_s: float, progress: Callable[[int
         problem = str(failure)
     finally:
         attacker.end()
-    evidence = gather(chosen, folder, run, problem)
+        noise = host_noise(probes)
+    evidence = gather(chosen, folder, run, problem, noise.stalls)
     return Outcome(chosen, tuple(judge(evidence)), time.monotonic() - started_s)
 
 
@@ -126,8 +129,10 @@ def node_process(node: str, folder: Path) -> int | None:
     return None
 
 
-def gather(chosen: Plan, folder: Path, run: GraphRun | None, problem: str) -> Evidence:
-    """What a run has left, for the checks."""
+def gather(
+    chosen: Plan, folder: Path, run: GraphRun | None, problem: str, stalls: Sequence[tuple[float, float]]
+) -> Evidence:
+    """What a run has left, for the checks; `stalls` on the monotonic clock."""
     scenario = chosen.scenario
     design = design_of(CONTROLLER, scenario.operating_point, scenario.sample_time_s)
     limits = Limits(design.command_min, design.command_max, design.command_rate * scenario.sample_time_s)
@@ -137,6 +142,7 @@ def gather(chosen: Plan, folder: Path, run: GraphRun | None, problem: str) -> Ev
     stamps = stamps_ns(messages)
     order = np.argsort(stamps, kind="stable")
     first = int(stamps_ns(beats[:1])[0]) if beats else 0
+    first_s = first / NANOSECONDS + time.monotonic() - time.time()  # stamps are the wall clock's
     rejected: dict[str, dict[str, int]] = {}
     told: set[int] = set()
     for name, values in health_reports(raw):
@@ -160,6 +166,7 @@ def gather(chosen: Plan, folder: Path, run: GraphRun | None, problem: str) -> Ev
         limits=limits,
         left=_left(folder),
         told=told,
+        stalls=[(due_s - first_s, woke_s - first_s) for due_s, woke_s in stalls],
     )
 
 

@@ -223,3 +223,15 @@ def test_one_seed_through_the_graph_keeps_its_promises(tmp_path_factory: pytest.
     assert [f"{verdict.promise}: {verdict.seen}" for verdict in promises if verdict.kept is False] == []
     assert sum(verdict.kept is True for verdict in promises) >= 8
     assert as_dict(outcome)["happens"] == plan(1, 18.0).lines()
+
+
+def test_a_command_that_is_missing_while_the_machine_stood_still_is_told_and_not_held_against_the_graph() -> None:
+    run = without(good(()), 42)
+    assert broken(run) == ["no command is missed"]
+    assert broken(replace(run, stalls=[(4.1, 4.11)])) == ["no command is missed"]  # too short to cost a tick
+    stood_still = replace(run, stalls=[(4.15, 4.25)])
+    assert broken(stood_still) == []
+    assert [v.seen for v in judge(stood_still) if v.promise == "no command is missed"] == [
+        "1 while the machine stood still"
+    ]
+    assert broken(replace(run, stalls=[(9.0, 9.5)])) == ["no command is missed"]
