@@ -69,6 +69,7 @@ class FdiDesign:
     ----------
     a, b, c : ndarray, shapes (n, n), (n, 6), (3, n)
         Observer: inputs [compressor speed, valve, air inlet temperature, p_e, SH, T_w] in deviations; `f_e = C xi - y`.
+        A row of zeros in c: this sensor is not used, and its f_e is zero.
     h_a, h_b, h_c, h_d : ndarray, shapes (m, m), (m, 3), (2, m), (2, 3)
         Isolation filter from f_e to [f_N rad/s, f_p Pa].
     input_rest : ndarray, shape (3,)
@@ -144,7 +145,7 @@ class _Isolated(NamedTuple):
     isolated_s: float
 
 
-_TIMES = ("_above_since", "_leads_since", "_own_since", "_below_since", "_onset_s", "_detected_s")
+_DECISION = ("_above_since", "_leads_since", "_own_since", "_below_since", "_onset_s", "_detected_s", "_under_way")
 _INPUT_SIZES = np.array([4.0, 0.01, 1.0, 1000.0, 1.0, 0.5])
 """By how much the observer's inputs may be off in a run under way: rad/s, 0..1, K, Pa, K, K."""
 
@@ -165,7 +166,8 @@ class FaultDetector:
         self._observer, self._known, self._filter = self._in[:n], self._in[: n + 6], self._in[n + 6 :]
         self._command, self._deviation = self._in[n : n + 2], self._in[n + 3 : n + 6]
         self._air = n + 2
-        to_innovation = np.hstack([design.c, np.zeros((3, 3)), -np.eye(3)])  # of [xi, u, T_ea, y]
+        self._used = np.diag(design.c.any(axis=1).astype(np.float64))  # of the sensors
+        to_innovation = np.hstack([design.c, np.zeros((3, 3)), -self._used])  # of [xi, u, T_ea, y]
         through = np.vstack([np.eye(3), design.h_d, design.h_b])
         own = np.vstack([np.zeros((3, m)), design.h_c, design.h_a])
         self._observe = np.ascontiguousarray(np.hstack([through @ to_innovation, own]))
@@ -182,13 +184,14 @@ class FaultDetector:
         self._below_since = [NOT, NOT]
         self._onset_s = NOT
         self._detected_s = NOT
+        self._under_way = [False, False]  # which residuals the detection is about
         self._isolated: list[_Isolated] = []
 
     def memory(self) -> dict[str, Any]:
         """What a detector that takes this one's place has to know, fit for JSON (nan included); between two ticks."""
         return {
             "_in": self._in.tolist(),
-            **{name: getattr(self, name) for name in _TIMES},
+            **{name: getattr(self, name) for name in _DECISION},
             "_isolated": [[one.fault, one.onset_s, one.isolated_s] for one in self._isolated],
         }
 
@@ -201,13 +204,14 @@ class FaultDetector:
             When it is none of a detector of this design.
         """
         try:
-            self._in[:] = memory["_in"]
-            for name in _TIMES:
-                setattr(self, name, memory[name])
-            self._isolated = [_Isolated(*one) for one in memory["_isolated"]]
+            signals = same_shape(memory["_in"], self._in)
+            decision = {name: memory[name] for name in _DECISION}
+            isolated = [_Isolated(*one) for one in memory["_isolated"]]
         except (KeyError, TypeError, ValueError) as problem:
             msg = f"not the memory of such a detector: {type(problem).__name__} {problem}"
             raise ValueError(msg) from None
+        self._in[:], self._isolated = signals, isolated
+        vars(self).update(decision)
 
     def catch_up(self, measured: Vector, air_inlet_temperature_c: float, command: Vector, ticks: int) -> None:
         """Go over ticks that were missed, as if all signals had moved from the last ones to these in straight lines.
@@ -229,7 +233,7 @@ class FaultDetector:
         start, end = self._in[n : n + 6].copy(), self._now(measured, air_inlet_temperature_c, command)
         for tick in range(1, ticks + 1):
             inputs = start + (end - start) * (tick / (ticks + 1))
-            innovation = design.c @ self._observer - inputs[3:]
+            innovation = design.c @ self._observer - self._used @ inputs[3:]
             self._filter[:] = design.h_a @ self._filter + design.h_b @ innovation
             self._observer[:] = design.a @ self._observer + design.b @ inputs
 
@@ -245,8 +249,9 @@ class FaultDetector:
         rest = np.linalg.solve(np.eye(len(design.a)) - design.a, design.b @ inputs)
         driven = design.b * _INPUT_SIZES
         covariance = _covariance(design.a, driven @ driven.T)
-        towards = covariance @ design.c.T
-        self._observer[:] = rest + towards @ np.linalg.solve(design.c @ towards, inputs[3:] - design.c @ rest)
+        towards, unexplained = covariance @ design.c.T, self._used @ inputs[3:] - design.c @ rest
+        # Least squares: a sensor that is not used explains nothing, nor do two that see the same.
+        self._observer[:] = rest + towards @ np.linalg.lstsq(design.c @ towards, unexplained, rcond=None)[0]
         self._filter[:] = 0.0
 
     def _now(self, measured: Vector, air_inlet_temperature_c: float, command: Vector) -> Vector:
@@ -325,18 +330,34 @@ class FaultDetector:
                 below[i] = NOT
             elif below[i] == NOT:
                 below[i] = time_s
+            if time_s - above[i] >= rules.confirm_s:
+                self._under_way[i] = True
         if self._onset_s == NOT:
-            if above[0] != NOT or above[1] != NOT:
-                onsets = [since for since in above if time_s - since >= rules.confirm_s]
-                self._onset_s = min(onsets, default=NOT)
-                self._detected_s = time_s
+            if self._under_way[0] or self._under_way[1]:
+                self._begin(time_s)
             return
         self._isolate(time_s)
         over = (time_s - below[0] >= rules.clear_s, time_s - below[1] >= rules.clear_s)
         if over[0] or over[1]:
-            self._isolated = [known for known in self._isolated if not over[known.fault]]
-            if over[0] and over[1]:
-                self._onset_s = NOT
+            self._end(over, time_s)
+
+    def _begin(self, time_s: float) -> None:
+        """A detection begins, with the first of the residuals that it is about."""
+        self._onset_s = min(since for since, holds in zip(self._above_since, self._under_way, strict=True) if holds)
+        self._detected_s = time_s
+
+    def _end(self, over: tuple[bool, bool], time_s: float) -> None:
+        """Forget what is over; what then is left without an isolated fault is a detection of its own."""
+        left = [known for known in self._isolated if not over[known.fault]]
+        is_last = bool(self._isolated) and not left
+        self._isolated = left
+        self._under_way = [holds and not ends for holds, ends in zip(self._under_way, over, strict=True)]
+        if is_last:
+            self._under_way = [time_s - since >= self._rules.confirm_s for since in self._above_since]
+        if not any(self._under_way):
+            self._onset_s = NOT
+        elif is_last:
+            self._begin(time_s)
 
     def _isolate(self, time_s: float) -> None:
         """Add to the isolated faults those whose residuals now say so."""
@@ -351,6 +372,15 @@ class FaultDetector:
             if i not in known and time_s - since[i] >= hold_s:
                 onset_s = self._onset_s if not self._isolated else self._above_since[i]
                 self._isolated.append(_Isolated(i, onset_s, time_s))
+                self._under_way[i] = True
+
+
+def same_shape(values: Any, like: Vector) -> Vector:
+    """Remembered values as an array; ValueError when its shape is not that of `like`."""
+    array = np.asarray(values, dtype=np.float64)
+    if array.shape != like.shape:
+        raise ValueError(f"{array.shape} instead of {like.shape} numbers")
+    return array
 
 
 def _since(since: float, holds: bool, time_s: float) -> float:

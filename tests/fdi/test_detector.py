@@ -1,6 +1,7 @@
 """The decision: when a residual counts as a fault, which one, and when it is over."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ def detector(**rules: float) -> FaultDetector:
     design = FdiDesign(
         a=np.zeros((1, 1)),
         b=np.zeros((1, 6)),
-        c=np.zeros((3, 1)),
+        c=1e-300 * np.ones((3, 1)),  # its state is zero, but all three sensors are used
         h_a=np.zeros((1, 1)),
         h_b=np.zeros((1, 3)),
         h_c=np.zeros((2, 1)),
@@ -75,6 +76,36 @@ def test_a_fault_that_goes_away_is_cleared_and_can_come_back() -> None:
     again = feed(subject, [(0.0, 3.0)] * 50, start_s=10.0)[-1]
     assert again.isolated == FAULTS[1]
     assert again.onset_s == pytest.approx(10.0)
+
+
+def test_what_is_left_when_a_fault_is_over_is_not_taken_for_the_same_fault() -> None:
+    """A residual of 0.7 of its threshold, as a small bias leaves it, must not hold the detection and its onset."""
+    subject = detector(clear_s=2.0)
+    assert feed(subject, [(3.0, 0.7)] * 50)[-1].isolated == FAULTS[0]
+    assert not feed(subject, [(0.1, 0.7)] * 300, start_s=5.0)[-1].detected
+    again = feed(subject, [(1.2, 3.0)] * 50, start_s=35.0)
+    assert (again[-1].isolated, again[-1].also_isolated) == (FAULTS[1], None)
+    assert again[-1].onset_s == pytest.approx(35.0)
+
+
+def test_a_second_fault_that_outlives_the_first_before_it_is_isolated_is_a_detection_of_its_own() -> None:
+    subject = detector(clear_s=2.0, cross_talk=(0.4, 0.9))
+    assert feed(subject, [(3.0, 0.0)] * 50)[-1].isolated == FAULTS[0]
+    assert feed(subject, [(3.0, 2.0)] * 20, start_s=5.0)[-1].also_isolated is None  # taken for cross-talk
+    seen = feed(subject, [(0.1, 2.0)] * 50, start_s=7.0)
+    assert all(found.detected for found in seen)
+    assert (seen[-1].isolated, seen[-1].also_isolated) == (FAULTS[1], None)
+
+
+def test_a_sensor_that_is_not_used_has_no_innovation_and_a_detector_can_join_without_it() -> None:
+    whole = detector().design
+    c = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
+    two = replace(whole, a=0.5 * np.eye(2), b=np.eye(2, 6), c=c, h_d=np.eye(2, 3))
+    subject = FaultDetector(two)
+    measured = np.array([3.0, -2.0, 9.0])
+    subject.join(measured, 0.0, np.array([1.0, 2.0]))
+    seen = subject.observe(0.0, measured, 0.0)
+    np.testing.assert_allclose(seen.innovation, 0.0, atol=1e-12)
 
 
 def test_cross_talk_of_an_isolated_fault_is_no_second_fault() -> None:

@@ -131,6 +131,11 @@ def test_detector_with_the_memory_of_another_goes_on_bit_for_bit():
         assert (first.isolated, first.onset_s) == (second.isolated, second.onset_s)
     with pytest.raises(ValueError, match="not the memory"):
         other.remember({"_in": [1.0]})
+    whole = one.memory()
+    with pytest.raises(ValueError, match=r"\(1,\) instead of"):
+        other.remember({**whole, "_in": [1.0]})
+    first, second = observed(one, 320, True)[0], observed(other, 320, True)[0]
+    np.testing.assert_array_equal(first.innovation, second.innovation)  # a memory that was refused has changed nothing
 
 
 def test_detector_that_missed_two_seconds_is_nearly_where_it_would_be():
