@@ -23,7 +23,9 @@ class BlockReport:
     achieved_reduced : float
         The same with the result after order reduction.
     plain : float
-        Norm of the paper's problem with the reduced result: without the weight on the error, or without regularisation.
+        For H, the norm of the paper's problem with the reduced row: without the weight on the error. For the
+        compensators, of the problem without rho and eps, with the full-order result; noise and doubt, which
+        `MatchingWeights` has beyond the paper, are in it. For K0, without the regularisation.
     lower_bound : float
         No result can do better (nan: none known).
     order, order_reduced : int

@@ -59,7 +59,7 @@ def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
         below which no filter gets once the air flow is unknown (a filter that gives nothing reaches 1).
     """
     model = design_model(point, weights.superheat)
-    system = _two_outputs(model.system)
+    system = model.system.with_outputs(list(range(SENSORS)))
     noisy = PROCESS_NOISE * np.hstack([system.B, system.E1])
     noise = {"process": noisy @ noisy.T, "measurement": np.ones(SENSORS)}
     known = np.hstack([system.B, model.B_air])
@@ -99,11 +99,6 @@ def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
         "gamma": np.array([row.matching.gamma for row in rows]),
         "lower_bound": np.array(_bound(system, L, weights)),
     }
-
-
-def _two_outputs(system: FaultySystem) -> FaultySystem:
-    rows = slice(SENSORS)
-    return replace(system, C=system.C[rows], D=system.D[rows], E2=system.E2[rows], F2=system.F2[rows])
 
 
 def _bound(system: FaultySystem, L: NDArray[np.float64], weights: FdiWeights) -> float:

@@ -59,7 +59,8 @@ class FdiWeights:
     air_flow_step : float
         Step of the air flow that must not be taken for a fault (1: a tenth of the operating point's flow).
     reduction : float
-        Hankel singular values below this part of the largest are left out of H.
+        How far the order reduction may be off, by its bound of twice the Hankel singular values left out, as a part of
+        the H-infinity norm of H.
     superheat : "direct" or "derived"
         The superheat's sensor; derived, f_p and the noise of p_e enter both readings.
     """

@@ -56,20 +56,26 @@ def lcf(sys: Any, L: ArrayLike | None = None, *, normalised: bool = False) -> tu
 
 
 def coprime_factor(sys: Any, L: Matrix, E1: ArrayLike | None = None, E2: ArrayLike | None = None) -> Abcd:
-    """Factor belonging to further inputs: `(A+LC, E1 + L E2, C, E2)`; without E1, E2 it is M itself.
+    """Factor belonging to further inputs: `(A+LC, E1 + L E2, C, E2)`; without E1 and E2 it is M itself.
 
     Parameters
     ----------
     sys : control.StateSpace
     L : ndarray, shape (n, p)
     E1, E2 : array_like, shapes (n, k) and (p, k)
-        How the input enters the state equation and the output, for instance a disturbance or a fault.
+        How the input enters the state equation and the output, for instance a disturbance or a fault. Where only one
+        of them is given the other one is zero.
     """
     A, _, C, _ = abcd(sys)
-    if E1 is None or E2 is None:
-        return Abcd(A + L @ C, np.array(L), C, np.eye(C.shape[0]))
-    direct = np.asarray(E2, dtype=float)
-    return Abcd(A + L @ C, np.asarray(E1, dtype=float) + L @ direct, C, direct)
+    if E2 is None:
+        if E1 is None:
+            return Abcd(A + L @ C, np.array(L), C, np.eye(C.shape[0]))
+        state = np.asarray(E1, dtype=float)
+        direct = np.zeros((len(C), state.shape[1]))
+    else:
+        direct = np.asarray(E2, dtype=float)
+        state = np.zeros((len(A), direct.shape[1])) if E1 is None else np.asarray(E1, dtype=float)
+    return Abcd(A + L @ C, state + L @ direct, C, direct)
 
 
 def filter_gain(

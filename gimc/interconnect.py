@@ -33,7 +33,7 @@ def abcd(sys: Any, *, what: str = "system") -> Abcd:
     Parameters
     ----------
     sys : control.StateSpace, control.TransferFunction, Abcd or array_like
-        A matrix or number is a static gain.
+        A matrix or number is a static gain; an `Abcd` is returned as it is.
     what : str
         Name of the system in error messages.
 
@@ -48,6 +48,8 @@ def abcd(sys: Any, *, what: str = "system") -> Abcd:
         return _realised(sys, what)
     if not isinstance(sys, control.StateSpace):
         gain = np.atleast_2d(np.asarray(sys, dtype=float))
+        if not np.isfinite(gain).all():
+            raise ValueError(f"{what}: a gain has entries that are not finite")
         return Abcd(np.zeros((0, 0)), np.zeros((0, gain.shape[1])), np.zeros((gain.shape[0], 0)), gain)
     if sys.dt not in (0, None):
         raise ValueError(f"{what}: a continuous-time system is needed, this one is sampled with dt = {sys.dt}")

@@ -98,6 +98,8 @@ def reduce_order(
     ------
     UnstableError
         If `sys` is not stable.
+    ValueError
+        If `order` is beyond that of the system, or `rtol` negative.
     """
     original = abcd(sys)
     u = np.ones(original.D.shape[1]) if input_scales is None else np.asarray(input_scales, dtype=float)
@@ -109,6 +111,8 @@ def reduce_order(
     balanced, hankel = _balance(system)
     tails = 2.0 * np.concatenate([np.cumsum(hankel[::-1])[::-1], [0.0]])  # tails[r]: bound for order r
     if order is None:
+        if not rtol >= 0.0:
+            raise ValueError(f"rtol = {rtol!r}: must not be negative")
         order = int(np.argmax(tails <= rtol * norm))
     elif not 0 <= order <= system.A.shape[0]:
         raise ValueError(f"order = {order}: must be between 0 and {system.A.shape[0]}, the order of the full system")

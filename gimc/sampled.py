@@ -225,8 +225,10 @@ class SampledObserver:
     ----------
     design : ObserverDesign
 
-    Notes ----- A tick is `innovate(y)` and, once the command is known, `advance(u)`: the innovation at tick k uses
-    commands up to k-1 only.
+    Notes
+    -----
+    A tick is `innovate(y)` and, once the command is known, `advance(u)`: the innovation at tick k uses commands up to
+    k-1 only.
     """
 
     def __init__(self, design: ObserverDesign) -> None:

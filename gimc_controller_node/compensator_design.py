@@ -10,6 +10,10 @@ Q_sen keeps the command, and with it the actual outputs, unmoved by a fault of t
     min || [alpha_d So Pdy, 0; 0, -alpha_f W Si K Pfy_sen]
            + [-alpha_d So Puy V~^-1; -alpha_f W Si V~^-1] Q [N~d N~f_sen] ||
 
+Solved is that with two changes. The actual outputs stand in place of those read, so that what K0 makes of f_p is in
+the first row as well, in place of the zero. And alpha_d is on the disturbance as well as on the first row: its corner
+is alpha_d^2 So Pdy.
+
 With both faults there is one thing to ask for: that the actual outputs stay where they are. Since the pressure that is
 read is the actual one plus f_p, that is the first problem for y less the fault in the reading.
 """

@@ -144,7 +144,10 @@ def plant_away(point: str, pressure_pa: float, superheat_k: float) -> control.St
     def error(share: Matrix) -> Matrix:
         return np.asarray((at(share).outputs[:2] - wanted) / np.array([5.0 * KPA, 2.5]))
 
-    return linearize(at(root(error, np.zeros(2), tol=1e-6).x))
+    found = root(error, np.zeros(2), tol=1e-6)
+    if not found.success or np.abs(found.fun).max() > 1e-3:
+        raise RuntimeError(f"no rest found {pressure_pa / KPA:+g} kPa, {superheat_k:+g} K off {point}: {found.message}")
+    return linearize(at(found.x))
 
 
 def own_away(point: str, kpa: float, kelvin: float, block: str, sample_time_s: float = 0.1) -> LoopStability:

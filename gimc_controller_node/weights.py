@@ -78,7 +78,7 @@ PAPER_CONTROLLER = ControllerWeights(
     command=(0.365, 0.1),
     output=(0.1, 0.05),
 )
-"""K0 as the paper's passive case has it: it holds p_e, lets SH go, and moves the valve as well as the compressor.
+"""K0 as the paper's passive case has it: it holds p_e, leaves SH alone, and moves the valve as well as the compressor.
 
 An actuator fault of 40 rpm is then taken back by 20 rpm, the rest by the valve. The default of `ControllerWeights`
 holds both references instead and takes back all of it.
@@ -107,7 +107,8 @@ class MatchingWeights:
     doubt : tuple of float
         How far the plant's answer to N and alpha may be off the model's, as noise on the commands that f_e alone sees.
     reduction : float
-        Hankel singular values below this part of the largest are left out of Q.
+        How far the order reduction may be off, by its bound of twice the Hankel singular values left out, as a part of
+        the H-infinity norm of Q.
     """
 
     disturbance: float = 0.1

@@ -38,10 +38,6 @@ def performance_weight(bandwidth: float, peak: float = 1.5, floor: float = 1e-4)
     return siso([1 / peak, bandwidth], [1, bandwidth * floor])
 
 
-def diagonal(*parts: Abcd) -> Abcd:
-    return append(*parts)
-
-
 def normalised_coprime_plant(G: Abcd) -> Abcd:
     """Robust stabilisation of normalised coprime factors: [w1, w2, u] to [u, y, y], `y = w1 + G (w2 + u)`.
 

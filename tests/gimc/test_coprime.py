@@ -62,6 +62,15 @@ def test_matrices_are_those_of_lemma_1() -> None:
     np.testing.assert_array_equal(Nd.D, E2)
 
 
+def test_an_input_that_enters_one_equation_only() -> None:
+    system, E = random_system(3, 4, 2, 2), np.ones((4, 1))
+    L = filter_gain(system)
+    only_state, only_output = coprime_factor(system, L, E), coprime_factor(system, L, E2=np.ones((2, 1)))
+    np.testing.assert_array_equal(only_state.B, E)
+    np.testing.assert_array_equal(only_state.D, np.zeros((2, 1)))
+    np.testing.assert_array_equal(only_output.B, L @ np.ones((2, 1)))
+
+
 def test_innovation_is_zero_without_faults() -> None:
     """`f_e = N u - M y = -(Nd d + Nf f)` in the frequency domain, for an unstable plant."""
     system = random_system(9, 5, 3, 2)

@@ -80,11 +80,15 @@ def test_rest_is_bumpless() -> None:
 @pytest.mark.parametrize("n", [0, 1])
 def test_filters_without_and_with_state(n: int) -> None:
     gain = abcd(np.array([[2.0, 1.0]])) if n == 0 else random_system(0, 1, 2, 1, stable=True)
-    run = SampledFilter(discretise(gain, 0.1))
+    sampled, u = discretise(gain, 0.1), np.array([1.0, 4.0])
+    run = SampledFilter(sampled)
     for _ in range(3):
-        run.step(np.array([1.0, 4.0]))
+        run.step(u)
+    A, B, C, D = (np.asarray(matrix) for matrix in (sampled.A, sampled.B, sampled.C, sampled.D))
+    state = B @ u + A @ B @ u + A @ A @ B @ u
+    np.testing.assert_allclose(run.step(u), C @ state + D @ u, rtol=1e-12)
     if n == 0:
-        assert run.step(np.array([1.0, 4.0]))[0] == 6.0
+        assert run.step(u)[0] == 6.0
 
 
 def test_steps_do_not_allocate() -> None:
