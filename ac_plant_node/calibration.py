@@ -17,9 +17,7 @@ from ac_plant_node.lookup import saturation, vapour
 from ac_plant_node.parameter_file import load_parameters
 from ac_plant_node.parameters import SOLVED, Parameters, TableRow, parameter_range
 from ac_plant_node.tables import VAPOUR_SPAN_J_KG, Tables, load_tables
-
-RPM = 2.0 * np.pi / 60.0
-"""rad/s in one rpm."""
+from bringup.units import RPM
 
 
 @dataclass(frozen=True)

@@ -16,16 +16,23 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from bringup.units import RPM
+
 EPA_PAGE = "https://www.epa.gov/vehicle-and-fuel-emissions-testing/dynamometer-drive-schedules"
 """Where the EPA publishes its schedules."""
 
 MPH = 0.44704
 """m/s in one mile per hour."""
-_UNITS = (
-    (re.compile(r"mph|mi/h|miles"), MPH),
-    (re.compile(r"km/?h|kph"), 1.0 / 3.6),
-    (re.compile(r"m_s|m/s|mps"), 1.0),
+_UNITS = tuple(
+    (re.compile(rf"(?<![a-z])(?:{spellings})(?![a-z])"), factor)
+    for spellings, factor in (
+        (r"km ?[/_p]? ?h|kph|kilomet(?:er|re)s? per hour|km h-1", 1.0 / 3.6),
+        (r"mph|mi ?[/_] ?h|miles?(?: per hour)?", MPH),
+        (r"m ?[/_] ?s|mps|met(?:er|re)s? per second|m s-1", 1.0),
+    )
 )
+_SOME_UNIT = re.compile(r"(?<![a-z])(?:per|kn|kt|knots?|ft|feet)(?![a-z])|/ ?[hs](?![a-z])|h-1|s-1")
+"""Looks like a unit of a speed, but is none of those."""
 
 
 @dataclass(frozen=True)
@@ -72,14 +79,14 @@ class Driveline:
 def load_drive_cycle(path: str | Path) -> DriveCycle:
     """Read a schedule: comma-, tab- or blank-separated columns time and speed.
 
-    The speed's unit is taken from the header (``mph``, ``km/h``, ``m/s`` in any common spelling); without one it is
-    miles per hour, as in the EPA's files. Lines that start with ``#`` are skipped.
+    The speed's unit is taken from the header (``mph``, ``km/h``, ``m/s`` in any common spelling); where it names none
+    it is miles per hour, as in the EPA's files. Lines that start with ``#`` are skipped.
 
     Raises
     ------
     ValueError
-        One line: no such file (and where the EPA publishes it), no data, a line that is not two numbers, times that
-        do not increase, a negative or absurd speed.
+        One line: no such file (and where the EPA publishes it), no data, a header with another unit, a line that is
+        not two numbers, times that do not increase, a negative or absurd speed.
     """
     file = Path(path)
     try:
@@ -99,7 +106,7 @@ def load_drive_cycle(path: str | Path) -> DriveCycle:
         except ValueError:
             if rows:
                 raise ValueError(f"drive cycle {file}: line {number} is not two numbers: {text[:40]!r}") from None
-            unit = next((factor for pattern, factor in _UNITS if pattern.search(text.lower())), unit)
+            unit = _unit(text, unit, f"drive cycle {file}: line {number}")
             continue
         if not (np.isfinite(time) and 0.0 <= speed * unit <= 100.0):
             raise ValueError(f"drive cycle {file}: line {number} has speed {speed:g}, allowed are 0 to 100 m/s")
@@ -112,13 +119,21 @@ def load_drive_cycle(path: str | Path) -> DriveCycle:
     return DriveCycle(table[:, 0] - table[0, 0], table[:, 1])
 
 
+def _unit(header: str, otherwise: float, where: str) -> float:
+    """Unit of the speed [m/s] that a header names; `otherwise` when it names none."""
+    found = next((factor for pattern, factor in _UNITS if pattern.search(header.lower())), None)
+    if found is None and _SOME_UNIT.search(header.lower()):
+        raise ValueError(f"{where} names no unit that is known: {header[:40]!r}; allowed: mph, km/h, m/s")
+    return otherwise if found is None else found
+
+
 def compressor_speed(cycle: DriveCycle, time_s: float, driveline: Driveline | None = None) -> float:
     """Compressor speed (rad/s) at a time into the cycle; past its end the last speed stays."""
     d = driveline or Driveline()
     speed = float(np.interp(time_s, cycle.time_s, cycle.speed_m_s))
     gear = sum(speed > shift for shift in d.shift_speeds_m_s)
     wheels = speed / d.wheel_radius_m * d.gear_ratios[gear] * d.final_drive
-    return d.pulley_ratio * max(wheels, d.idle_rpm * 2.0 * np.pi / 60.0)
+    return d.pulley_ratio * max(wheels, d.idle_rpm * RPM)
 
 
 @dataclass(frozen=True)

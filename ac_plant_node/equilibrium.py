@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_plant_node import integrator, model
-from ac_plant_node.calibration import RPM, row_inputs, starting_state, superheated_enthalpy
+from ac_plant_node.calibration import row_inputs, starting_state, superheated_enthalpy
 from ac_plant_node.parameter_file import load_parameters
 from ac_plant_node.parameters import Parameters
 from ac_plant_node.tables import Tables, load_tables
+from bringup.units import RPM
 
 X_SCALE = np.array([0.1, 1.0e4, 1.0e4, 5.0, 5.0, 0.1, 0.1, 1.0e5, 1.0e4, 5.0, 5.0, 5.0])
 """Sizes of the public state's components, for differences and solvers."""
@@ -196,7 +197,17 @@ def table_inputs(point: str, parameters: Parameters | None = None) -> NDArray[np
     raise ValueError(f"unknown operating point {point!r}: allowed are {known}")
 
 
-@cache
 def operating_point(point: str) -> OperatingPoint:
-    """The equilibrium at the inputs of an operating point ("low", "med", "high"), solved once per process."""
+    """The equilibrium at the inputs of an operating point ("low", "med", "high"), solved once per process and plant.
+
+    Raises
+    ------
+    ValueError
+        When there is no such point, or no equilibrium.
+    """
+    return _of_table(point, load_parameters().identity)
+
+
+@cache
+def _of_table(point: str, _plant: str) -> OperatingPoint:
     return equilibrium(table_inputs(point), name=point)

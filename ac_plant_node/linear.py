@@ -94,11 +94,11 @@ def linearize(point: str | OperatingPoint) -> control.StateSpace:
     ValueError
         For an unknown point.
     """
-    return _of_table(point) if isinstance(point, str) else _linearized(point)
+    return _of_table(point, load_parameters().identity) if isinstance(point, str) else _linearized(point)
 
 
 @cache
-def _of_table(point: str) -> control.StateSpace:
+def _of_table(point: str, _plant: str) -> control.StateSpace:
     return _linearized(operating_point(point))
 
 

@@ -16,10 +16,11 @@ from ac_plant_node.equilibrium import operating_point
 from ac_plant_node.lookup import saturation
 from ac_plant_node.parameter_file import load_parameters
 from ac_plant_node.parameters import POINTS
-from ac_plant_node.plant import RPM, Plant
+from ac_plant_node.plant import Plant
 from ac_plant_node.tables import load_tables
 from bringup.report.charts import Chart, Curve
 from bringup.report.stills import draw
+from bringup.units import RPM
 
 _COLOURS = ("#1f6fb4", "#2a9d3a", "#c8452d")
 

@@ -11,12 +11,10 @@ from ac_plant_node.equilibrium import OperatingPoint, operating_point
 from ac_plant_node.parameter_file import load_parameters
 from ac_plant_node.parameters import Parameters
 from ac_plant_node.tables import load_tables
-
-RPM = 2.0 * np.pi / 60.0
-"""rad/s in one rpm."""
-
+from bringup.units import RPM
 
 _FOUR_NUMBERS = "plant inputs must be four finite numbers: speed rad/s, opening 0..1, air kg/s, air degC"
+_LEFT = "the plant left its model's domain: pressure outside the property tables"
 
 
 @dataclass(frozen=True)
@@ -62,6 +60,7 @@ class Plant:
         self._array = integrator.new_work(state, tolerance)
         self._work = integrator.views(self._array)
         self._aux = self._work.aux
+        self._has_left = False
         self.step(inputs, 0.0)
 
     @classmethod
@@ -103,8 +102,11 @@ class Plant:
         Raises
         ------
         ValueError
-            For inputs that are not finite, a negative duration, or a state that left the model's domain.
+            For inputs that are not finite, a negative duration, or a state that left the model's domain; after that
+            for every further step.
         """
+        if self._has_left:
+            raise ValueError(_LEFT)
         w = np.array(inputs, dtype=float)  # a copy, for the compiled code knows contiguous arrays only
         if w.shape != (4,):
             raise ValueError(_FOUR_NUMBERS)
@@ -115,7 +117,8 @@ class Plant:
         if status == integrator.NOT_FINITE:
             raise ValueError(_FOUR_NUMBERS)
         if status == integrator.OUTSIDE:
-            raise ValueError("the plant left its model's domain: pressure outside the property tables")
+            self._has_left = True
+            raise ValueError(_LEFT)
         return outputs
 
     def advance(
@@ -186,5 +189,5 @@ class Plant:
 
     @property
     def heat_moved_j(self) -> float:
-        """Integral of the magnitudes of the three powers in `heat_in_w`."""
+        """Integral of the magnitudes of the three powers in `heat_in_w`, whole steps of the integrator: a scale."""
         return float(self._work.memory[integrator.MOVED])

@@ -1,20 +1,21 @@
 """Saturation temperature of the plant's refrigerant over pressure, from its tables: no CoolProp, no compiler."""
 
 import math
+import os
 from functools import cache
 
-from ac_plant_node.parameter_file import load_parameters
+from ac_plant_node.parameter_file import PLANT_VARIABLE, load_parameters
 from ac_plant_node.tables import Tables, load_tables
 
 
 @cache
-def _tables() -> Tables:
+def _tables(_plant: str | None) -> Tables:
     return load_tables(load_parameters().refrigerant)
 
 
 def _cubic(pressure_pa: float) -> tuple[list[float], float]:
     """Coefficients of T over `ln p` in the cell of `pressure_pa`, and where in the cell it is."""
-    tables = _tables()
+    tables = _tables(os.environ.get(PLANT_VARIABLE))
     cells = (math.log(pressure_pa) - tables.grid[0]) * tables.grid[1]
     cell = min(max(int(cells), 0), len(tables.sat) - 1)
     return tables.sat[cell, 0].tolist(), (cells - cell) / float(tables.grid[1])

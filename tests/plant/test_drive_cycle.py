@@ -24,6 +24,10 @@ def write(tmp_path, text, name="cycle.csv"):
         ("SC03\n\nTest Time, secs\tTarget Speed, mph\n0\t0\n1\t10\n2\t20.5\n", MPH),
         ("time_s;speed_kmh\n0;0\n1;10\n2;20.5\n", 1 / 3.6),
         ("t v_m_s\n0 0\n1 10\n2 20.5\n", 1.0),
+        ("t v\ns m/s\n0 0\n1 10\n2 20.5\n", 1.0),
+        ("time_s,speed_kmph\n0,0\n1,10\n2,20.5\n", 1 / 3.6),
+        ("Time [s], Speed [km/h]\n0,0\n1,10\n2,20.5\n", 1 / 3.6),
+        ("timestamps,speed\n0,0\n1,10\n2,20.5\n", MPH),
         ("0 0\n1 10\n2 20.5\n", MPH),
     ],
 )
@@ -41,6 +45,8 @@ def test_formats(tmp_path, text, factor):
         ("0,0\n0,1\n", "time does not increase at line 2"),
         ("0,0\n1,-3\n", "line 2 has speed -3"),
         ("0,0\n1,nan\n", "line 2 has speed nan"),
+        ("t,v in knots\n0,0\n1,10\n", "line 1 names no unit that is known.*allowed: mph, km/h, m/s"),
+        ("t,v [furlongs/h]\n0,0\n1,10\n", "line 1 names no unit that is known"),
     ],
 )
 def test_bad_files_get_one_line(tmp_path, text, says):
