@@ -21,6 +21,8 @@ _MS = 1_000_000
 STALE_TICKS, STALE_NS = 2.5, 250 * _MS
 #: Messages whose stamp is ahead of what is due by more than one tick, and by more than this, are from no clock of ours.
 EARLY_NS = 100 * _MS
+#: The least delay that was seen is forgotten by this part of the time that passes: one stamp that was early is no law.
+FORGETS = 0.01
 #: When nothing but refused stamps has come for so long, it is the time base that has changed.
 REBASE_NS = 1_000 * _MS
 #: A publisher is gone when nothing of its has come for so long (its numbers may then begin anew).
@@ -64,8 +66,8 @@ class TickSet:
 class Timeline:
     """Where the stamps of the loop lie on this process's monotonic clock.
 
-    The smallest time from a stamp to its arrival is learnt; a message's age counts from there. Neither a step of the
-    wall clock nor a pause of this process changes that.
+    The smallest time from a stamp to its arrival is learnt, and slowly forgotten; a message's age counts from there.
+    Neither a step of the wall clock nor a pause of this process changes that.
     """
 
     def __init__(self, period_ns: int) -> None:
@@ -73,6 +75,7 @@ class Timeline:
         self.stale_ns = max(int(STALE_TICKS * period_ns), STALE_NS)
         self._early_ns = max(period_ns, EARLY_NS)
         self._offset_ns: int | None = None  # least of (arrival - stamp)
+        self._judged_ns = 0
         self._refused_since_ns: int | None = None
         self.generation = 0  # grows with every new time base
 
@@ -101,6 +104,7 @@ class Timeline:
 
     def _judge(self, stamp_ns: int, now_ns: int) -> str:
         offset_ns = now_ns - stamp_ns
+        passed_ns, self._judged_ns = now_ns - self._judged_ns, now_ns
         if self._offset_ns is None:
             self._offset_ns = offset_ns
             return ""
@@ -109,7 +113,7 @@ class Timeline:
             return "stale"
         if age_ns < -self._early_ns:
             return "stamp from the future"
-        self._offset_ns = min(self._offset_ns, offset_ns)
+        self._offset_ns = min(self._offset_ns + int(FORGETS * min(passed_ns, self.period_ns)), offset_ns)
         return ""
 
 

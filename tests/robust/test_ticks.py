@@ -1,9 +1,11 @@
 """Which messages are acted upon, and when: bookkeeping under any order, loss, delay and repetition of messages."""
 
+from itertools import pairwise
+
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bringup.ros.ticks import MOST_LOST, REBASE_NS, WRITER_GONE_NS, Timeline, WallClockSet, Writer
+from bringup.ros.ticks import FORGETS, MOST_LOST, REBASE_NS, WRITER_GONE_NS, Timeline, WallClockSet, Writer
 from bringup.topics import BY_NAME
 
 PERIOD = 100_000_000
@@ -67,7 +69,8 @@ def test_every_tick_is_answered_once_in_order_and_in_time(ticks):
     assert stamps == list(range(START - PERIOD, stamps[-1] + 1, PERIOD))  # none left out, none twice
     assert stamps[-1] >= START + 28 * PERIOD
     for now, stamp, values in run.acted:
-        assert now - BOOT <= stamp - START + PERIOD + PERIOD // 2  # due in time, whatever stays away
+        forgotten = FORGETS * (now - BOOT)
+        assert now - BOOT <= stamp - START + PERIOD + PERIOD // 2 + forgotten  # due in time, whatever stays away
         for value in values:  # the tick's own value, or one of at most three ticks before
             assert 0 <= (stamp - START) // PERIOD - value <= 3
 
@@ -107,6 +110,21 @@ def test_values_stand_in_for_as_long_as_they_may_and_then_the_node_is_told():
     assert [values for _, _, values in run.acted] == [(7.0, 8.0), (7.0, None), (7.0, None)]
     assert run.blind == [START + k * PERIOD for k in (3, 4, 5)]
     assert run.set.held == {NAMES[0]: 5, NAMES[1]: 5}
+
+
+def test_one_stamp_that_was_early_is_forgotten():
+    timeline = Timeline(PERIOD)
+    for k in range(3):
+        assert not timeline.refuse(START + k * PERIOD, BOOT + k * PERIOD)
+    early = PERIOD // 2
+    assert not timeline.refuse(START + 3 * PERIOD, BOOT + 3 * PERIOD - early)
+    expected = [timeline.arrival_ns(START + 4 * PERIOD) - (BOOT + 4 * PERIOD)]
+    for k in range(4, 80):
+        assert not timeline.refuse(START + k * PERIOD, BOOT + k * PERIOD)
+        expected.append(timeline.arrival_ns(START + (k + 1) * PERIOD) - (BOOT + (k + 1) * PERIOD))
+    assert expected[0] == -early
+    assert expected[-1] == 0
+    assert all(0 <= later - before <= FORGETS * 1.5 * PERIOD for before, later in pairwise(expected))
 
 
 def test_stamps_of_another_clock_are_refused_until_there_is_no_other():
