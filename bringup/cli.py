@@ -4,6 +4,7 @@ The commands are in `bringup.commands`, one module each; heavy modules are impor
 that help comes at once.
 """
 
+import linecache
 import os
 import signal
 import sys
@@ -155,9 +156,11 @@ def _meant_for_the_user(problem: Exception) -> bool:
         return True
     if type(problem) is not ValueError:
         return False
-    last = traceback.extract_tb(problem.__traceback__)[-1]
+    frame, line = list(traceback.walk_tb(problem.__traceback__))[-1]
+    if frame.f_globals.get("__name__", "").partition(".")[0] not in OWN_PACKAGES:
+        return False
     # A ValueError of numpy's compiled code shows our line as the last one, too, but that line is no raise.
-    return Path(last.filename).parent.name in OWN_PACKAGES and (last.line or "").startswith("raise")
+    return linecache.getline(frame.f_code.co_filename, line).lstrip().startswith("raise")
 
 
 def _fail(line: str, code: int) -> int:

@@ -16,21 +16,28 @@ def write_whole(path: Path, content: str | bytes) -> None:
     RunError
         When it cannot be written (a full disk, no permission): one line. What was there before is still there.
     """
-    data = content.encode() if isinstance(content, str) else content
-    temporary = ""
     try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
+        put_whole(path, content)
+    except OSError as problem:
+        msg = f"{path}: cannot be written: {problem.strerror}"
+        raise RunError(msg) from None
+
+
+def put_whole(path: Path, content: str | bytes) -> None:
+    """As `write_whole`, with the OSError as it comes."""
+    data = content.encode() if isinstance(content, str) else content
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
+    try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
             file.flush()
             os.fsync(handle)
         Path(temporary).chmod(0o666 & ~_umask())
         Path(temporary).replace(path)
-    except OSError as problem:
+    except OSError:
         with contextlib.suppress(OSError):
             Path(temporary).unlink()
-        msg = f"{path}: cannot be written: {problem.strerror}"
-        raise RunError(msg) from None
+        raise
 
 
 def _umask() -> int:

@@ -23,6 +23,7 @@ from mcap.records import Channel, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
+from bringup.files import put_whole
 from bringup.ros.definitions import definition, type_hash
 
 #: Small chunks: what is lost in a crash, and how long the writer stands still to compress one.
@@ -312,7 +313,7 @@ def _writer(stream: IO[bytes]) -> Writer:
 
 def _write_yaml(path: Path, content: Mapping[str, Any]) -> None:
     text = yaml.dump({"rosbag2_bagfile_information": dict(content)}, Dumper=_NoAliases, sort_keys=False)
-    path.write_text(text, encoding="utf-8")
+    put_whole(path, text)
 
 
 class _NoAliases(yaml.SafeDumper):

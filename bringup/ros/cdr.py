@@ -191,7 +191,7 @@ class _Source:
     def text(self) -> str:
         length = self.number()
         start = self.skip(length)
-        return self.data[start : start + length - 1].decode() if length else ""
+        return self.data[start : start + length - 1].decode(errors="replace") if length else ""
 
     def doubles(self) -> tuple[int, int]:
         """Offset of a sequence's first double, and how many there are."""

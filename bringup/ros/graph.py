@@ -103,7 +103,7 @@ def run_graph(
     """
     called_s = time.monotonic()
     out_dir = Path(out_dir)
-    passive = scenario.passive if passive is None else passive
+    passive = scenario.is_passive(passive)
     own = own or OwnNodes()
     _prepare(out_dir)
     sweep()
@@ -128,8 +128,8 @@ def run_graph(
                 managed = {**children, **dict.fromkeys(own.by_hand)}
 
                 def revive(name: str, changed: dict[str, Any]) -> Child:
-                    again = {**parameters[name], **changed}
-                    children[name] = start_again(name, again, out_dir / "log", environment, own)
+                    stop([children[name]], patience_s=0.0)  # what its process may have left in its group
+                    children[name] = start_again(name, parameters[name], out_dir / "log", environment, own, changed)
                     return children[name]
 
                 # In lockstep nothing may be lost: there a dead node is the end of the run.
@@ -219,6 +219,7 @@ def node_parameters(
             **copies[COMPENSATOR],
             **superheat,
             **controller,
+            "sensors": scenario.sensors,
             "accommodate": not passive,
         },
         CONTROLLER: {**design, **clock, **copies[CONTROLLER], **controller},
@@ -241,18 +242,32 @@ def node_parameters(
 
 
 def node_arguments(
-    module: str, name: str, parameters: Mapping[str, Any], folder: Path, own: OwnNodes | None = None
+    module: str,
+    name: str,
+    parameters: Mapping[str, Any],
+    folder: Path,
+    own: OwnNodes | None = None,
+    changed: Mapping[str, Any] | None = None,
 ) -> list[str]:
-    """Arguments that start a node, its parameters in a file in `folder`; bringup manages it unless these differ."""
+    """Arguments that start a node, its parameters in files in `folder`; bringup manages it unless these differ.
+
+    The user's parameter file comes after `parameters`, and `changed`, which was set while the node ran, after that.
+    """
     own = own or OwnNodes()
-    file = folder / f"{name}.yaml"
-    content = {"/**": {"ros__parameters": {"autostart": False, **parameters}}}
-    file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
-    files = ["--params-file", str(parameter_file(module)), "--params-file", str(file)]
+    files = [parameter_file(module), _file_of({"autostart": False, **parameters}, folder / f"{name}.yaml")]
     if own.params_file is not None:
-        files += ["--params-file", str(own.params_file)]
+        files.append(own.params_file)
+    if changed:
+        files.append(_file_of(changed, folder / f"{name}.changed.yaml"))
+    in_order = [word for file in files for word in ("--params-file", str(file))]
     _, *arguments = own.commands.get(name, (sys.executable, "-m", module))
-    return [*arguments, "--ros-args", "-r", f"__ns:={NAMESPACE}", *files, "--disable-external-lib-logs"]
+    return [*arguments, "--ros-args", "-r", f"__ns:={NAMESPACE}", *in_order, "--disable-external-lib-logs"]
+
+
+def _file_of(parameters: Mapping[str, Any], file: Path) -> Path:
+    content = {"/**": {"ros__parameters": dict(parameters)}}
+    file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    return file
 
 
 def start_again(
@@ -261,11 +276,12 @@ def start_again(
     folder: Path,
     environment: Mapping[str, str],
     own: OwnNodes | None = None,
+    changed: Mapping[str, Any] | None = None,
 ) -> Child:
     """Start a node that has died: it brings itself to life, goes on in its log, and the recorder in its bag."""
     own = own or OwnNodes()
     again = {**parameters, "autostart": True, **({"append": True} if name == RECORDER else {})}
-    arguments = node_arguments(MODULES[name], name, again, folder, own)
+    arguments = node_arguments(MODULES[name], name, again, folder, own, changed)
     program, *_ = own.commands.get(name, (sys.executable,))
     return start(name, arguments, folder, environment, program, append=True)
 
@@ -275,9 +291,14 @@ def _how_to_start(name: str, arguments: list[str], domain: int) -> str:
 
 
 def _prepare(out_dir: Path) -> None:
-    """Make the folders; a bag and logs of an earlier run make room."""
+    """Make the folders; a bag and logs of an earlier run make room, and nothing else that is there."""
+    own = [
+        f"{name}{end}"
+        for name in MODULES
+        for end in (".log", ".yaml", ".changed.yaml", ".npz", ".memory", ".memory.new")
+    ]
     try:
-        for part, patterns in (("bag", ("*.mcap", "metadata.yaml")), ("log", ("*.log", "*.yaml", "*.npz", "*.memory"))):
+        for part, patterns in (("bag", ["*.mcap", "metadata.yaml"]), ("log", own)):
             folder = out_dir / part
             folder.mkdir(parents=True, exist_ok=True)
             for pattern in patterns:

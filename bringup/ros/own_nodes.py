@@ -10,11 +10,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import yaml
-
 from bringup.errors import BringupError
 from bringup.ros.modules import MODULES, module_of
 from bringup.topics import COMPENSATOR, CONTROLLER, FDI, INJECTOR, NAMESPACE, PLANT, RECORDER, SCENARIO
+from bringup.yaml_file import parsed, text_of
 
 if TYPE_CHECKING:
     from bringup.ros.parameters import Parameter
@@ -109,12 +108,7 @@ def _command(text: str, where: str) -> list[str]:
 
 def _check_file(file: Path, strange: Sequence[str]) -> None:
     """Refuse a parameter file with a node or a parameter that does not exist: ROS would silently pass over it."""
-    try:
-        content = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except OSError as problem:
-        raise BringupError(f"{file}: {problem.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as problem:
-        raise BringupError(f"{file}: is no YAML: {' '.join(str(problem).split())}") from None
+    content = parsed(text_of(file), f"{file}: is no YAML")
     if not isinstance(content, dict):
         raise BringupError(f"{file}: holds no mapping of node names such as {NAMESPACE}/{FDI}")
     for key, section in content.items():
@@ -126,7 +120,11 @@ def _check_file(file: Path, strange: Sequence[str]) -> None:
         if not isinstance(values, dict):
             raise BringupError(f"{file}: {key} holds no mapping 'ros__parameters'")
         if name not in strange:
-            _check_names(file, str(key), _flat(values), name)
+            try:
+                flat = _flat(values)
+            except RecursionError:  # an anchor that holds itself
+                raise BringupError(f"{file}: {key} is nested too deeply") from None
+            _check_names(file, str(key), flat, name)
 
 
 def _check_names(file: Path, key: str, values: Mapping[str, Any], name: str) -> None:

@@ -27,6 +27,8 @@ DOMAINS = range(102)
 
 #: How long a process that was told to end may take.
 PATIENCE_S = 5.0
+#: How often a process group whose leader has ended is looked at, s.
+LOOK_S = 0.02
 
 _PR_SET_PDEATHSIG = 1
 
@@ -157,18 +159,23 @@ def start(
 
 def stop(children: Iterable[Child], patience_s: float = PATIENCE_S) -> None:
     """End all children: ask, wait, and insist; nothing of their process groups is left afterwards."""
-    running = [child for child in children if child.process.poll() is None]
-    for child in running:
-        _signal(child, signal.SIGTERM)
+    children = list(children)
+    for child in children:
+        _signal(child, signal.SIGTERM)  # to the group: a shell that started the node may be gone, and the node not
     deadline = time.monotonic() + patience_s
-    for child in running:
-        try:
+    for child in children:
+        with contextlib.suppress(subprocess.TimeoutExpired):
             child.process.wait(max(deadline - time.monotonic(), 0.01))
-        except subprocess.TimeoutExpired:
-            _signal(child, signal.SIGKILL)
-            child.process.wait()
+        while _signal(child, 0) and time.monotonic() < deadline:
+            time.sleep(LOOK_S)  # nothing announces that a group is empty
+        _signal(child, signal.SIGKILL)
+        child.process.wait()
 
 
-def _signal(child: Child, number: signal.Signals) -> None:
-    with contextlib.suppress(ProcessLookupError):
+def _signal(child: Child, number: int) -> bool:
+    """Send a signal to a child's process group; whether there was anybody in it."""
+    try:
         os.killpg(child.process.pid, number)
+    except (ProcessLookupError, PermissionError):
+        return False
+    return True

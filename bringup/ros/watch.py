@@ -1,6 +1,7 @@
 """What flows between the nodes right now: a table of the running loop's topics, for those without `ros2`."""
 
 import os
+import struct
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -13,6 +14,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 
 from bringup.bags.reader import decode
+from bringup.errors import shortened
 from bringup.ros.cdr import read_diagnostics
 from bringup.ros.messages import message_class
 from bringup.ros.processes import ros_environment
@@ -126,7 +128,10 @@ class Watch:
             if self._types[name] != DIAGNOSTICS:
                 return ""
             return "; ".join(f"{status.name.rsplit('/', 1)[-1]}: {status.message}" for status in read_diagnostics(data))
-        return ", ".join(f"{value:.6g}" for value in decode(topic.name, data).values())
+        try:
+            return ", ".join(f"{value:.6g}" for value in decode(topic.name, data).values())
+        except (ValueError, struct.error) as problem:  # a message of somebody else's
+            return shortened(problem, 60)
 
 
 def _nodes(endpoints: Any) -> list[str]:

@@ -166,6 +166,8 @@ def test_a_plain_node_stands_in_for_the_plant(
         (["--params-file", "list.yaml"], "holds no mapping"),
         (["--params-file", "node.yaml"], "no node '/ac/fdy'"),
         (["--params-file", "name.yaml"], "did you mean 'design_file'?"),
+        (["--params-file", "date.yaml"], "is no YAML"),
+        (["--params-file", "loop.yaml"], "nested too deeply"),
     ],
 )
 def test_a_mistake_is_one_line(
@@ -175,6 +177,8 @@ def test_a_mistake_is_one_line(
     Path("list.yaml").write_text("- 1\n")
     Path("node.yaml").write_text("/ac/fdy: {ros__parameters: {sensors: 2}}\n")
     Path("name.yaml").write_text("/ac/fdi: {ros__parameters: {design_fiel: x}}\n")
+    Path("date.yaml").write_text("/ac/fdi: {ros__parameters: {sensors: 2024-13-45}}\n")
+    Path("loop.yaml").write_text("/ac/fdi: {ros__parameters: &a {sensors: *a}}\n")
     result = CliRunner().invoke(cli, ["run", "nominal", *arguments])
     assert said in str(result.exception)
     assert "\n" not in str(result.exception)

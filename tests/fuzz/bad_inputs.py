@@ -38,6 +38,7 @@ from bringup.bags.replay import _by_tick, _design, _parameters
 from bringup.designs import design_of, from_file, to_bytes
 from bringup.ros.health import health_of
 from bringup.ros.modules import MODULES, parameter_file
+from bringup.ros.own_nodes import own_nodes
 from bringup.scenario import BUILT_IN, load, program
 from bringup.summary import summarise
 from bringup.topics import FDI
@@ -179,6 +180,10 @@ def _plant_parameters() -> str:
 
 
 _CYCLE = "Test cycle\ntime,speed (mph)\n" + "".join(f"{t},{t % 50}\n" for t in range(60))
+_OWN_PARAMETERS = """
+/ac/fdi: {ros__parameters: {sensors: 3, design_file: mine.npz, memory_file: ""}}
+/ac/gimc_controller: {ros__parameters: {protection: {release_s: 20.0, lowest_superheat_k: 2.0}, controller: paper}}
+"""
 _OVERRIDES = ("faults.0.size_rpm=60", "duration_s=20", "references.superheat_k.0.to=1", "noise={seed: 3}", "name=x")
 
 
@@ -205,6 +210,9 @@ KINDS = {
             load_drive_cycle,
         ),
         Kind("node", ".yaml", _spoiled_node_file, read_node_parameters),
+        Kind(
+            "params", ".yaml", lambda rng: spoiled_yaml(_OWN_PARAMETERS, rng), lambda file: own_nodes(params_file=file)
+        ),
     )
 }
 

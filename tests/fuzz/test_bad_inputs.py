@@ -9,7 +9,16 @@ import pytest
 from bad_inputs import KINDS, Kind, judge, read_recording, small_bag
 from mutations import spoiled_bag
 
-INPUTS = {"scenario": 250, "override": 250, "bag": 300, "design": 300, "plant": 40, "cycle": 300, "node": 100}
+INPUTS = {
+    "scenario": 250,
+    "override": 250,
+    "bag": 300,
+    "design": 300,
+    "plant": 40,
+    "cycle": 300,
+    "node": 100,
+    "params": 150,
+}
 
 
 @pytest.mark.parametrize("name", KINDS)

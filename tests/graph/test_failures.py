@@ -12,8 +12,10 @@ from rosbags.highlevel import AnyReader
 
 from bringup.bags.reader import read_bag
 from bringup.errors import BringupError, RunError
-from bringup.ros.graph import run_graph
-from bringup.ros.processes import Domain
+from bringup.ros import supervisor
+from bringup.ros.graph import _prepare, run_graph
+from bringup.ros.own_nodes import own_nodes
+from bringup.ros.processes import Domain, start, stop
 from bringup.scenario import Scenario, load
 from tests.processes import processes_that_mention
 
@@ -105,6 +107,50 @@ def test_killed_node_is_named_and_its_end_is_everyones(scenario: Scenario, tmp_p
         run_graph(scenario, tmp_path, progress=kill_fdi)
     assert not processes_that_mention(str(tmp_path))
     assert not read_bag(tmp_path).metadata["complete"]
+
+
+#: A detector whose innovation is no number.
+BROKEN_FDI = """
+import sys
+from bringup.ros.node_shell import run_node
+from fdi_node.node import FdiNode
+class Broken(FdiNode):
+    def send(self, time_ns, topic, *values):
+        super().send(time_ns, topic, *(float("nan") if topic == "fdi/innovation/superheat" else v for v in values))
+sys.exit(run_node(Broken))
+"""
+
+
+def test_lockstep_that_stands_still_is_given_up_and_says_what_was_refused(
+    scenario: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(supervisor, "STUCK_S", 2.0)
+    broken = tmp_path / "broken.py"
+    broken.write_text(BROKEN_FDI)
+    said = r"the loop has stood still at tick 0 for 2 s; compensator refused 1 messages, the last: .*superheat.* finite"
+    with pytest.raises(RunError, match=said):
+        run_graph(scenario, tmp_path / "out", own=own_nodes([f"fdi={sys.executable} {broken}"]))
+    assert not processes_that_mention(str(tmp_path))
+
+
+def test_what_a_node_leaves_in_its_process_group_ends_with_it(tmp_path: Path) -> None:
+    """As a shell does that has started the node and is killed."""
+    lasting = "import time; time.sleep(600)"
+    code = f"import subprocess, sys; subprocess.Popen([sys.executable, '-c', '{lasting}', sys.argv[1]])"
+    child = start("leaver", ["-c", code, str(tmp_path)], tmp_path, {})
+    assert child.process.wait(10) == 0
+    assert processes_that_mention(str(tmp_path))
+    stop([child])
+    wait_until_gone(tmp_path)
+
+
+def test_only_what_an_earlier_run_has_left_makes_room(tmp_path: Path) -> None:
+    for folder, names in (("log", ("fdi.log", "fdi.changed.yaml", "mine.log")), ("bag", ("bag_0.mcap", "notes.txt"))):
+        (tmp_path / folder).mkdir()
+        for name in names:
+            (tmp_path / folder / name).write_text("")
+    _prepare(tmp_path)
+    assert {file.name for file in tmp_path.glob("*/*")} == {"mine.log", "notes.txt"}
 
 
 def test_killed_recorder_loses_little(tmp_path: Path) -> None:
