@@ -20,6 +20,8 @@ from typing import Any, NoReturn
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.exceptions import (
@@ -93,6 +95,7 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
             self.declare_parameter(parameter.name, parameter.default, parameter.descriptor())
         self._setup = Gate(is_open=True)  # events that matter until the loop runs
         self._memory_file = ""
+        self._begins_anew = False
         self._kept_ns = 0
         self._keeping: threading.Thread | None = None
         self.running = False
@@ -102,7 +105,9 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         self._senders: dict[str, tuple[Publisher, Packer]] = {}
         self._subscribed: list[Subscription] = []
         self._diagnostics = self._publisher(DiagnosticArray, "/diagnostics", PLAIN_QOS)
-        self._health_timer = self.create_timer(HEALTH_PERIOD_S, self.report_health)
+        # By default a timer waits by the wall clock: set back by an hour, it would be silent for an hour.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._health_timer = self.create_timer(HEALTH_PERIOD_S, self.report_health, clock=steady)
 
     # -- for the nodes ------------------------------------------------------------------------------------------
 
@@ -162,6 +167,14 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         if self.value("design_copy"):
             write_whole(Path(self.value("design_copy")), to_bytes(design))
         return design
+
+    @property
+    def run_start_ns(self) -> int:
+        """Stamp of the first tick of the run under way that the node joins; -1 when it begins with the run.
+
+        A node that was cleaned up begins anew, whatever its parameter says of the run before.
+        """
+        return -1 if self._begins_anew else int(self.value("run_start_ns"))
 
     @property
     def sample_time_s(self) -> float:
@@ -241,14 +254,19 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         except OSError as problem:  # a full disk must not end the loop: a successor would just know less
             self.health.last_rejected = f"memory_file: {problem.strerror}"
 
-    def recollect(self, time_ns: int) -> dict[str, Any] | None:
-        """What this node knew before it crashed, with the `time_ns` of then; None when there is nothing recent."""
+    def recollect(self, time_ns: int, remember: Callable[[dict[str, Any]], None]) -> dict[str, Any] | None:
+        """Give `remember` what this node knew before it crashed, and return it, with the `time_ns` of then.
+
+        None when there is nothing recent, or nothing that `remember` takes (a ValueError says so).
+        """
         try:
-            memory = json.loads(Path(self._memory_file).read_text(encoding="utf-8"))
-            age_ns = time_ns - memory["time_ns"]
+            memory: dict[str, Any] = json.loads(Path(self._memory_file).read_text(encoding="utf-8"))
+            if not 0 < time_ns - memory["time_ns"] < MEMORY_AGE_S * 1e9:
+                return None
+            remember(memory)
         except (OSError, ValueError, KeyError, TypeError):
             return None
-        return memory if 0 < age_ns < MEMORY_AGE_S * 1e9 else None
+        return memory
 
     def missed_ticks(self, since_ns: int, time_ns: int) -> int:
         """How many ticks lie between two."""
@@ -331,6 +349,11 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         self._new_inputs()
         while self._subscribed:
             self.destroy_subscription(self._subscribed.pop())
+        self._begins_anew = True
+        if self._memory_file:
+            if self._keeping is not None:
+                self._keeping.join()
+            Path(self._memory_file).unlink(missing_ok=True)
         self.soon(self.report_health)
 
     def _start(self) -> None:

@@ -348,9 +348,8 @@ class Supervisor:
                 self._report()
 
     def _run_s(self) -> float:
-        """Time since the first tick, by the wall clock, which the stamps began with."""
-        first_ns = self._of(PLANT, "first_ns")
-        return round(time.time() - int(first_ns) / 1e9, 3) if first_ns else float("nan")
+        """Time since the first tick, by the plant's word for when that was on the monotonic clock."""
+        return round(time.monotonic() - float(self._of(PLANT, "epoch_monotonic_s") or "nan"), 3)
 
     def _report(self) -> None:
         """Tell on /diagnostics, and so in the bag, what was done."""
