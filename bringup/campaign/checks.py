@@ -25,10 +25,11 @@ ROUNDING = 1e-9
 PRESSURE_KPA = (100.0, 600.0)
 LOWEST_SUPERHEAT_K = 0.0
 
-_REASONS: dict[MessageFaultKind, tuple[str, ...]] = {
-    "nan": ("not finite", "nan", "range"),
-    "wrong_unit": ("range", "unit"),
-    "out_of_range": ("range",),
+#: Why a node refuses a message that suffers from such a fault.
+REASONS: dict[MessageFaultKind, str] = {
+    "nan": "not finite",
+    "wrong_unit": "out of range",
+    "out_of_range": "out of range",
 }
 #: A stall of so much of a tick can cost a command: the controller waits about as long for what is late.
 STALL_TICKS = 0.3
@@ -176,11 +177,14 @@ def disturbed(fault: ProcessFault, restarts: Sequence[Restart]) -> tuple[float, 
 
 
 def bad_messages_are_refused(evidence: Evidence) -> Verdict:
-    """What is no number, of another unit or out of range is counted by who refused it."""
-    kinds = [fault.kind for fault in evidence.plan.messages if fault.kind in _REASONS]
-    if not kinds:
+    """What is no number, of another unit or out of range is counted by who refused it, and for that reason."""
+    reasons = {REASONS[fault.kind] for fault in evidence.plan.messages if fault.kind in REASONS}
+    if not reasons:
         return Verdict("bad messages are refused", None)
-    counts = {node: sum(evidence.rejected.get(node, {}).values()) for node in (FDI, CONTROLLER, PLANT)}
+    counts = {
+        node: sum(evidence.rejected.get(node, {}).get(reason, 0) for reason in reasons)
+        for node in (FDI, CONTROLLER, PLANT)
+    }
     seen = ", ".join(f"{node} {count}" for node, count in counts.items())
     return Verdict("bad messages are refused", any(counts.values()), seen)
 

@@ -1,5 +1,6 @@
 """Runs the plans of a campaign through the graph of processes, on the wall clock, and gathers what is left."""
 
+import contextlib
 import json
 import os
 import signal
@@ -171,8 +172,14 @@ def gather(
 
 
 def _left(folder: Path) -> list[str]:
-    """Nodes of the run that are still there."""
-    return [file.stem for file in sorted((folder / "log").glob("*.yaml")) if node_process(file.stem, folder)]
+    """Nodes of the run that are still there, as anybody's children."""
+    files = {os.fsencode(file): file.stem for file in (folder / "log").glob("*.yaml")}
+    found = []
+    for entry in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):  # gone meanwhile
+            words = (entry / "cmdline").read_bytes().split(b"\0")
+            found += [files[word] for word in words if word in files]
+    return sorted(found)
 
 
 def as_dict(outcome: Outcome) -> dict[str, Any]:
