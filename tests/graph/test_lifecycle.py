@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Operator
 from lifecycle_msgs.msg import Transition
 
 from bringup.bags.feeder import Feeder
@@ -17,6 +16,7 @@ from bringup.ros.processes import ros_environment, start, stop
 from bringup.ros.supervisor import Supervisor
 from bringup.scenario import load
 from bringup.topics import BY_NAME, CONTROLLER, TOPICS, Topic
+from tests.operator import Operator
 
 pytestmark = pytest.mark.ros
 

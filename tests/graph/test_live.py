@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import Operator
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -15,9 +14,10 @@ from bringup.profiles import PROFILES, unit_profile
 from bringup.ros.graph import run_graph
 from bringup.ros.watch import topics_once
 from bringup.scenario import load
-from bringup.topics import TOPICS
+from bringup.topics import INJECTOR, TOPICS
 from bringup.units import RPM
 from fault_injector_node.live import LiveFault, Shape
+from tests.operator import Operator
 
 SAMPLE_TIME_S = 0.1
 
@@ -63,16 +63,16 @@ def test_fault_is_started_changed_and_stopped_in_a_running_graph(operator: Opera
 
     def interfere(tick: int, _ticks: int) -> None:
         if tick > 0 and not done:
-            refused = operator.set(compressor_speed__profile="jump", compressor_speed__size_rad_s=1e9)
+            refused = operator.set(INJECTOR, compressor_speed__profile="jump", compressor_speed__size_rad_s=1e9)
             assert not any(result.successful for result in refused)
             assert "allowed: step, ramp" in refused[0].reason
-            assert all(result.successful for result in operator.set(compressor_speed__size_rad_s=40 * RPM))
+            assert all(result.successful for result in operator.set(INJECTOR, compressor_speed__size_rad_s=40 * RPM))
             answer = operator.switch("compressor_speed", on=True)
             assert answer.success
             assert "step of 4.18879 rad/s" in answer.message
             done.append("started")
         elif len(done) == 1:
-            assert all(result.successful for result in operator.set(compressor_speed__size_rad_s=20 * RPM))
+            assert all(result.successful for result in operator.set(INJECTOR, compressor_speed__size_rad_s=20 * RPM))
             done.append("changed")
         elif len(done) == 2:
             assert operator.switch("compressor_speed", on=False).success

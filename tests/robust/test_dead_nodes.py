@@ -12,13 +12,14 @@ from rosbags.highlevel import AnyReader
 
 from bringup.bags.reader import health_reports, read_bag, read_raw
 from bringup.errors import RunError
-from bringup.recording import Recording
+from bringup.recording import AS_USUAL, Recording
 from bringup.ros.graph import GraphRun, run_graph
 from bringup.ros.own_nodes import OwnNodes
 from bringup.ros.restarts import MOST
 from bringup.safe_command import SAFE_RATE
 from bringup.scenario import check, load
 from bringup.topics import COMPENSATOR, CONTROLLER, FDI, INJECTOR, PLANT, RECORDER, SCENARIO
+from tests.operator import Operator
 from tests.processes import processes_that_mention
 
 pytestmark = pytest.mark.ros
@@ -33,8 +34,10 @@ FAULTY = {
 KILLED = {42: FDI, 82: COMPENSATOR, 122: RECORDER, 162: CONTROLLER, 212: INJECTOR, 252: SCENARIO}
 #: A node is to be back within 3 s (`acftc bench` measures it); a machine that is busy with other tests takes longer.
 PATIENCE_S = 8.0
-#: Shorter than a controller takes to be back, so that what comes after the hold is seen.
+#: Shorter than a controller or an injector takes to be back, so that what comes after the hold is seen.
 HOLD_S = 0.4
+#: What is changed live before the first of them dies: K, and a fault too small to be found [Pa].
+LIVE_AT, LIVE_SUPERHEAT_K, LIVE_F_P = 30, -0.5, 50.0
 SPEED, OPENING, Q = "controller/command:compressor", "controller/command:expansion_valve", "compensator/q:compressor"
 
 
@@ -62,13 +65,23 @@ class Ordeal:
 @pytest.fixture(scope="module")
 def ordeal(tmp_path_factory: pytest.TempPathFactory) -> Ordeal:
     """One run in which every node but the plant is killed once."""
-    mischief = Mischief([(tick, killing(node)) for tick, node in KILLED.items()])
+    mischief = Mischief([(LIVE_AT, change_live), *((tick, killing(node)) for tick, node in KILLED.items())])
     folder = tmp_path_factory.mktemp("ordeal")
     quick = folder / "quick.yaml"
-    quick.write_text(f"/ac/{INJECTOR}: {{ros__parameters: {{command_hold_s: {HOLD_S}}}}}\n")
+    holds = {INJECTOR: HOLD_S, PLANT: HOLD_S + 0.2}  # the plant is to see no more than the injector's hold
+    quick.write_text("".join(f"/ac/{n}: {{ros__parameters: {{command_hold_s: {s}}}}}\n" for n, s in holds.items()))
     own = OwnNodes(params_file=quick)
     run = run_graph(check(FAULTY), folder, mode="realtime", care=True, progress=mischief, own=own)
-    return Ordeal(run, read_bag(run.bag), dict(zip(KILLED.values(), mischief.done, strict=True)))
+    return Ordeal(run, read_bag(run.bag), dict(zip(KILLED.values(), mischief.done[1:], strict=True)))
+
+
+def change_live() -> None:
+    """What somebody at the live page would do."""
+    with Operator() as operator:
+        changes = operator.set("scenario", reference__superheat_k=LIVE_SUPERHEAT_K)
+        changes += operator.set(INJECTOR, evaporator_pressure__size_pa=LIVE_F_P)
+        assert all(change.successful for change in changes)
+        assert operator.switch("evaporator_pressure", on=True).success
 
 
 def test_every_node_is_started_again_and_comes_back(ordeal: Ordeal) -> None:
@@ -135,9 +148,25 @@ def test_without_injector_or_scenario_commands_go_on(node: str, ordeal: Ordeal) 
     assert len(ordeal.missing(SPEED, died, died + 28)) <= ordeal.stalls
 
 
+def test_without_an_injector_the_plant_goes_to_the_safe_command_by_itself(ordeal: Ordeal) -> None:
+    start_s, end_s = 0.1 * ordeal.died[INJECTOR], 0.1 * ordeal.died[SCENARIO]
+    events = [event for event in ordeal.recording.metadata["events"] if event["node"] == PLANT]
+    said = [event["what"] for event in events if start_s < event["time_s"] < end_s]
+    assert said[:2] == ["no command: actuators go to the safe command", AS_USUAL]
+
+
+def test_live_faults_are_off_when_the_injector_is_back(ordeal: Ordeal) -> None:
+    f_p = ordeal.recording.series["fault/evaporator_pressure"]
+    before, after = f_p[LIVE_AT + 10 : ordeal.died[INJECTOR] - 2], f_p[ordeal.died[INJECTOR] + 5 :]
+    assert np.nanmin(before) == np.nanmax(before) == LIVE_F_P
+    assert np.isfinite(after).any()
+    np.testing.assert_array_equal(after[np.isfinite(after)], 0.0)
+
+
 def test_references_and_faults_go_on_where_they_would_be(ordeal: Ordeal) -> None:
+    """The live change of the reference, which was made before its node died, included."""
     late = ordeal.recording.series["reference/superheat"][-10:]
-    np.testing.assert_allclose(late[np.isfinite(late)], 20.0, atol=1e-9)
+    np.testing.assert_allclose(late[np.isfinite(late)], 20.0 + LIVE_SUPERHEAT_K, atol=1e-9)
     assert np.isfinite(late).any()
     f_n = ordeal.recording.series["fault/compressor_speed:compressor"]
     np.testing.assert_allclose(f_n[np.isfinite(f_n)][-50:], f_n[40])
