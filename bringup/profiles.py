@@ -3,6 +3,8 @@
 A profile is 0 before its onset and scaled by the fault's size afterwards, so one set of shapes serves both faults.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +19,19 @@ PROFILE_KEYS: dict[str, tuple[str, ...]] = {
     "intermittent": ("period_s", "duty_percent"),
     "random_walk": ("time_constant_s", "seed"),
 }
+
+
+#: Times of ticks are sums and differences of decimal numbers: they are off by less than this, s.
+_ROUNDING_S = 1e-6
+
+
+def is_there(since_s: Any, period_s: float, duty_percent: float) -> Any:
+    """Whether an intermittent fault is there, this long after its onset; a number or an array.
+
+    A tick at the end of a period belongs to the next one, also when its time was rounded to just before it.
+    """
+    within = (since_s + _ROUNDING_S) % period_s
+    return within < period_s * duty_percent / 100.0
 
 
 def unit_profile(
@@ -40,7 +55,8 @@ def unit_profile(
     profile
         ``step``: 1 from the onset. ``ramp``: linear from 0 to 1 within `rise_s`, then 1. ``sine``: amplitude 1,
         `period_s`, 0 at the onset. ``drift``: ``1 - exp(-(t - onset) / time_constant_s)``, an ageing sensor.
-        ``intermittent``: 1 during the first `duty_percent` of every `period_s`, else 0 (a loose contact).
+        ``intermittent``: 1 during the first `duty_percent` of every `period_s`, else 0 (a loose contact); see
+        `is_there`.
         ``random_walk``: Gaussian steps, standard deviation 1 after `time_constant_s`, from `seed`.
     onset_s, end_s
         The fault is 0 before `onset_s` and from `end_s` on (None: it stays).
@@ -65,7 +81,7 @@ def unit_profile(
     elif profile == "drift":
         shape = 1.0 - np.exp(-np.maximum(since, 0.0) / time_constant_s)
     elif profile == "intermittent":
-        shape = (np.mod(since, period_s) < period_s * duty_percent / 100.0).astype(np.float64)
+        shape = is_there(since, period_s, duty_percent).astype(np.float64)
     elif profile == "random_walk":
         tick_s = time_s[1] - time_s[0] if len(time_s) > 1 else 0.0
         steps = np.random.default_rng(seed).normal(size=len(time_s)) * np.sqrt(tick_s / time_constant_s)

@@ -20,11 +20,15 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from bringup.errors import BringupError, one_line, shortened
 from bringup.profiles import PROFILE_KEYS, unit_profile
 from bringup.sample_time import DEFAULT_SAMPLE_TIME_S, LONGEST_SAMPLE_TIME_S, SHORTEST_SAMPLE_TIME_S
-from bringup.units import KPA, RPM
+from bringup.units import FAULT_UNITS, KPA, RPM
 from bringup.yaml_file import parsed, text_of
 
 #: Shortest time that a profile may take, s: the shortest sample time.
 SHORTEST_S = 0.01
+#: By how much times that follow on each other may be off, s.
+ROUNDING_S = 1e-9
+#: Largest fault, also of all faults of a kind together: what the nodes take for a signal of this loop.
+LARGEST_RPM, LARGEST_KPA = 1000.0, 100.0
 #: Largest seed of random numbers: what a ROS parameter holds on every machine.
 LARGEST_SEED = 2**31 - 1
 
@@ -77,11 +81,45 @@ class References(_Part):
     superheat_k: Annotated[list[Change], AfterValidator(TargetsWithin(-18.0, 30.0))] = []
 
 
+class RamAir(_Part):
+    """A drive: the faster the car, the more ram air on the evaporator, with the square of the speed."""
+
+    file: str = Field(min_length=1)
+    percent_at_top_speed: float = Field(default=10.0, ge=-90.0, le=300.0)
+
+    def changes(self) -> list[dict[str, float]]:
+        """The drive as changes of the air mass flow, one for each line of its file in which something changes.
+
+        Raises
+        ------
+        ValueError
+            One line: what is wrong with the file, or where there is one.
+        """
+        from ac_plant_node.drive_cycle import load_drive_cycle
+
+        cycle = load_drive_cycle(Path(self.file).expanduser())
+        percent = self.percent_at_top_speed * (cycle.speed_m_s / max(float(cycle.speed_m_s.max()), 1e-9)) ** 2
+        time_s, targets = cycle.time_s.tolist(), percent.tolist()
+        moves = [{"at_s": 0.0, "to": targets[0]}] if targets[0] else []
+        for start_s, end_s, before, to in zip(time_s[:-1], time_s[1:], targets[:-1], targets[1:], strict=True):
+            if to != before:
+                moves.append({"at_s": start_s, "to": to, "ramp_s": end_s - start_s})
+        return moves
+
+
 class Air(_Part):
     """Air side of the evaporator, as changes from the operating point."""
 
     mass_flow_percent: Annotated[list[Change], AfterValidator(TargetsWithin(-90.0, 300.0))] = []
     inlet_temperature_k: Annotated[list[Change], AfterValidator(TargetsWithin(-30.0, 30.0))] = []
+    drive_cycle: RamAir | None = None
+
+    @model_validator(mode="after")
+    def _one_air_flow(self) -> "Air":
+        if self.drive_cycle is not None and self.mass_flow_percent:
+            msg = "mass_flow_percent and drive_cycle both say what the air flow does; give one of them"
+            raise ValueError(msg)
+        return self
 
 
 def targets_within(part: type[_Part], key: str) -> TargetsWithin:
@@ -124,7 +162,7 @@ class CompressorSpeedFault(_Fault):
     """f_N: adds `size_rpm` to the compressor speed at the plant's input."""
 
     kind: Literal["compressor_speed"]
-    size_rpm: float = Field(ge=-1000.0, le=1000.0)
+    size_rpm: float = Field(ge=-LARGEST_RPM, le=LARGEST_RPM)
 
     @property
     def size(self) -> float:
@@ -136,7 +174,7 @@ class EvaporatorPressureFault(_Fault):
     """f_p: adds `size_kpa` to the measured evaporator pressure."""
 
     kind: Literal["evaporator_pressure"]
-    size_kpa: float = Field(ge=-100.0, le=100.0)
+    size_kpa: float = Field(ge=-LARGEST_KPA, le=LARGEST_KPA)
 
     @property
     def size(self) -> float:
@@ -144,6 +182,7 @@ class EvaporatorPressureFault(_Fault):
         return self.size_kpa * KPA
 
 
+_LARGEST = {"compressor_speed": LARGEST_RPM * RPM, "evaporator_pressure": LARGEST_KPA * KPA}
 Fault = Annotated[CompressorSpeedFault | EvaporatorPressureFault, Field(discriminator="kind")]
 
 
@@ -185,14 +224,52 @@ class Scenario(_Part):
                 msg = f"faults.{number}.onset_s {fault.onset_s:g} must come before the end at {self.duration_s:g} s"
                 raise ValueError(msg)
         for part in (self.references, self.air):
-            for key in type(part).model_fields:
+            for key in (name for name in type(part).model_fields if name != "drive_cycle"):
                 for before, after in zip(getattr(part, key)[:-1], getattr(part, key)[1:], strict=True):
-                    if after.at_s < before.at_s + before.ramp_s:
+                    if after.at_s < before.at_s + before.ramp_s - ROUNDING_S:
                         msg = (
                             f"{key}: the change at {after.at_s:g} s starts before the one at {before.at_s:g} s is over"
                         )
                         raise ValueError(msg)
         return self
+
+    @model_validator(mode="after")
+    def _faults_together(self) -> "Scenario":
+        for kind, (unit, factor) in FAULT_UNITS.items():
+            moves = []
+            for fault in self.faults:
+                if fault.kind == kind:
+                    moves.append((fault.onset_s, abs(fault.size)))
+                    moves.append((self.duration_s if fault.end_s is None else fault.end_s, -abs(fault.size)))
+            together = 0.0
+            for at_s, more in sorted(moves):
+                together += more
+                if together > _LARGEST[kind] * (1.0 + 1e-9):
+                    msg = (
+                        f"faults: those of {kind} are {together / factor:g} {unit} together at {at_s:g} s; "
+                        f"allowed: {_LARGEST[kind] / factor:g} {unit}"
+                    )
+                    raise ValueError(msg)
+        return self
+
+    @model_validator(mode="after")
+    def _compensator_fits(self) -> "Scenario":
+        self.is_passive()
+        return self
+
+    def is_passive(self, instead: bool | None = None) -> bool:
+        """Whether K0 is alone: as the scenario says, or as said here instead.
+
+        Raises
+        ------
+        ValueError
+            When the compensator is to act with two sensors.
+        """
+        passive = self.passive if instead is None else instead
+        if self.sensors == 2 and not passive:
+            msg = "sensors: 2 needs passive: true, since the compensators are designed for three sensors"
+            raise ValueError(msg)
+        return passive
 
     @property
     def ticks(self) -> int:
@@ -257,11 +334,15 @@ def program(scenario: Scenario, inputs: NDArray[np.float64], outputs: NDArray[np
         ),
         faults=np.column_stack(
             [
-                sum(
-                    (fault.over(time_s, fault.size) for fault in scenario.faults if fault.kind == kind),
-                    start=np.zeros_like(time_s),
+                np.clip(  # a random walk goes anywhere, given time
+                    sum(
+                        (fault.over(time_s, fault.size) for fault in scenario.faults if fault.kind == kind),
+                        start=np.zeros_like(time_s),
+                    ),
+                    -largest,
+                    largest,
                 )
-                for kind in ("compressor_speed", "evaporator_pressure")
+                for kind, largest in _LARGEST.items()
             ]
         ),
     )
@@ -285,8 +366,10 @@ def built_in_scenarios() -> dict[str, Path]:
     return {path.stem: path for path in sorted(BUILT_IN.glob("*.yaml"))}
 
 
-def load(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
+def load(name_or_path: str | Path, overrides: Sequence[str] = (), *, whole: bool = True) -> Scenario:
     """Read a scenario by built-in name or by path, with ``KEY=VALUE`` overrides applied, and check it.
+
+    A drive cycle becomes the changes of the air flow that it stands for, so the scenario then is all there is to know.
 
     Parameters
     ----------
@@ -294,6 +377,8 @@ def load(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
         A built-in name (``actuator_fault``) or the path of a YAML file.
     overrides
         ``dotted.key=value``; list items by number, as in ``faults.0.size_rpm=60``.
+    whole
+        False leaves the file of a drive cycle unread: enough to say what a scenario is about.
 
     Raises
     ------
@@ -308,12 +393,14 @@ def load(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
     content.setdefault("name", path.stem)
     for override in overrides:
         _override(content, override)
-    return _validated(content, f"{path.name} with --set" if overrides else str(path))
+    source = f"{path.name} with --set" if overrides else str(path)
+    scenario = _validated(content, source)
+    return _driven(scenario, source) if whole else scenario
 
 
 def check(content: Mapping[str, Any], source: str = "scenario") -> Scenario:
     """Check a mapping against the scenario schema; raises `BringupError` as `load` does."""
-    return _validated(dict(content), source)
+    return _driven(_validated(dict(content), source), source)
 
 
 def to_yaml(scenario: Scenario) -> str:
@@ -394,6 +481,20 @@ def _validated(content: dict[str, Any], source: str) -> Scenario:
         more = f" (and {len(problems) - 3} more)" if len(problems) > 3 else ""
         msg = f"{source}: {'; '.join(lines)}{more}"
         raise BringupError(msg) from None
+
+
+def _driven(scenario: Scenario, source: str) -> Scenario:
+    """With the drive cycle, if there is one, as changes of the air flow."""
+    if scenario.air.drive_cycle is None:
+        return scenario
+    try:
+        changes = scenario.air.drive_cycle.changes()
+    except ValueError as problem:
+        msg = f"{source}: air.drive_cycle.file: {problem}"
+        raise BringupError(msg) from None
+    content = scenario.model_dump(mode="json")
+    content["air"] = {**content["air"], "mass_flow_percent": changes, "drive_cycle": None}
+    return _validated(content, source)
 
 
 def _line(problem: Any) -> str:

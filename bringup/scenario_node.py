@@ -89,9 +89,16 @@ class ScenarioNode(NodeShell):
         # One array, not lists of lists: a run of hours has some hundred thousand rows.
         self._rows = np.hstack([plan.reference, plan.air, plan.faults])
         self._tick_ns = scenario.tick_ns
-        start_ns = self.value("run_start_ns")
-        self._start_ns: int | None = start_ns if start_ns >= 0 else None
-        self._flow_percent = float(rest["inputs"][2]) / 100.0
+        self._start_ns = self.run_start_ns if self.run_start_ns >= 0 else None
+        outputs, (_, _, flow, inlet) = rest["outputs"], rest["inputs"]
+        self._flow_percent = float(flow) / 100.0
+        # What is set live comes on top of what is played, within what a scenario may ask for.
+        self._allowed = (
+            (outputs[0] + _P_E.lowest * KPA, outputs[0] + _P_E.highest * KPA),
+            (outputs[1] + _SUPERHEAT.lowest, outputs[1] + _SUPERHEAT.highest),
+            (flow * (1.0 + _FLOW.lowest / 100.0), flow * (1.0 + _FLOW.highest / 100.0)),
+            (inlet + _INLET.lowest, inlet + _INLET.highest),
+        )
         self._offsets = {parameter.name: LiveOffset(self.value(parameter.name)) for parameter in OFFSETS}
         self.on_tick(("plant/evaporator_pressure",), self._play, holds_s={"plant/evaporator_pressure": HOLD_S})
 
@@ -104,16 +111,19 @@ class ScenarioNode(NodeShell):
         if self._start_ns is None:
             self._start_ns = time_ns
         tick = round((time_ns - self._start_ns) / self._tick_ns)
-        p_e, superheat, mass_flow, inlet, f_n, f_p = self._rows[min(tick, len(self._rows) - 1)].tolist()
-        more_p_e, more_superheat, more_flow, more_inlet = [
-            offset.value(time_ns / 1e9) for offset in self._offsets.values()
-        ]
+        *played, f_n, f_p = self._rows[min(tick, len(self._rows) - 1)].tolist()
+        more = [offset.value(time_ns / 1e9) for offset in self._offsets.values()]
+        more[2] *= self._flow_percent
+        p_e, superheat, mass_flow, inlet = (
+            min(max(value + offset, low), high)
+            for value, offset, (low, high) in zip(played, more, self._allowed, strict=True)
+        )
         self.send(time_ns, "scenario/fault/compressor_speed", f_n)
         self.send(time_ns, "scenario/fault/evaporator_pressure", f_p)
-        self.send(time_ns, "reference/evaporator_pressure", p_e + more_p_e)
-        self.send(time_ns, "reference/superheat", superheat + more_superheat)
-        self.send(time_ns, "scenario/air", mass_flow + self._flow_percent * more_flow)
-        self.send(time_ns, "scenario/air_inlet_temperature", inlet + more_inlet)
+        self.send(time_ns, "reference/evaporator_pressure", p_e)
+        self.send(time_ns, "reference/superheat", superheat)
+        self.send(time_ns, "scenario/air", mass_flow)
+        self.send(time_ns, "scenario/air_inlet_temperature", inlet)
 
     def _changed(self, parameters: Sequence[RosParameter]) -> None:
         """Begin the live changes that have been asked for."""

@@ -3,6 +3,7 @@
 ``python -m bringup.scenario_reference`` writes it anew; a test compares it with the code.
 """
 
+from inspect import signature
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Literal, get_args, get_origin
@@ -10,19 +11,26 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from bringup.profiles import PROFILE_KEYS
+from bringup.profiles import PROFILE_KEYS, unit_profile
 from bringup.scenario import (
     Air,
     Change,
     CompressorSpeedFault,
     EvaporatorPressureFault,
     Noise,
+    RamAir,
     References,
     Scenario,
     TargetsWithin,
     built_in_scenarios,
     load,
 )
+
+_PROFILE_DEFAULTS = {
+    name: parameter.default
+    for name, parameter in signature(unit_profile).parameters.items()
+    if parameter.kind is parameter.KEYWORD_ONLY
+}
 
 PAGE = Path(__file__).parents[1] / "docs" / "scenarios.md"
 
@@ -34,12 +42,12 @@ MEANING = {
     "duration_s": "simulated time",
     "sample_time_s": "sample time of the loop",
     "passive": "true: K0 alone, the compensator stays silent",
-    "sensors": "3: p_e, superheat and the wall thermocouple; 2: without the thermocouple",
+    "sensors": "3: p_e, superheat and the wall thermocouple; 2: without the thermocouple, K0 alone (`passive: true`)",
     "superheat_sensor": "direct: superheat is measured; derived: from an outlet thermocouple and the measured pressure",
-    "controller": "tracking: K0 holds both references; paper: K0 after the paper's passive case, which lets SH go",
-    "references": "what the controller is to follow",
+    "controller": "tracking: K0 holds both references; paper: K0 after the paper's passive case, which leaves SH alone",
+    "references": "what the controller is to follow; below 175 kPa or 8 K its protection holds that value instead",
     "air": "the evaporator's air side",
-    "faults": "a list of faults",
+    "faults": "a list of faults; those of one kind that are there at a time must not be more than one may be",
     "noise": "the sensors' noise",
     "at_s": "when the change begins",
     "to": "where it ends, in the unit of the list's key",
@@ -48,6 +56,9 @@ MEANING = {
     "superheat_k": "superheat",
     "mass_flow_percent": "air mass flow, per cent of the operating point's",
     "inlet_temperature_k": "air inlet temperature",
+    "drive_cycle": "a drive, whose ram air changes the air mass flow",
+    "file": "vehicle speed over time: EPA's two columns, or CSV; the EPA publishes SC03 and others",
+    "percent_at_top_speed": "ram air at the cycle's top speed; with the square of the speed below it",
     "wall_temperature_k": "wall temperature",
     "kind": "which fault",
     "onset_s": "when it begins",
@@ -83,11 +94,13 @@ def text() -> str:
         "| name | duration | what happens |",
         "|---|---|---|",
     ]
-    parts += [f"| `{name}` | {load(name).duration_s:g} s | {load(name).description} |" for name in built_in_scenarios()]
+    known = {name: load(name, whole=False) for name in built_in_scenarios()}
+    parts += [f"| `{name}` | {item.duration_s:g} s | {item.description} |" for name, item in known.items()]
     sections: tuple[tuple[str, str, type[BaseModel]], ...] = (
         ("Top level", "", Scenario),
         ("references", "Lists of changes from the operating point, each a mapping as below.", References),
         ("air", "Lists of changes from the operating point.", Air),
+        ("air: drive cycle", "`{file: sc03.csv}`: a drive in place of changes of the air mass flow.", RamAir),
         ("A change", "`{at_s: 100, to: 5.0, ramp_s: 60}`", Change),
         ("faults: compressor speed", "f_N, the actuator fault.", CompressorSpeedFault),
         ("faults: evaporator pressure", "f_p, the sensor fault.", EvaporatorPressureFault),
@@ -134,6 +147,8 @@ def _default(key: str, field: FieldInfo) -> str:
         return "the file's name"
     if field.is_required():
         return "required"
+    if field.default is None and key in _PROFILE_DEFAULTS:
+        return f"`{_PROFILE_DEFAULTS[key]:g}`, where the profile takes it"
     if field.default is None or isinstance(field.default, BaseModel | list) or field.default == "":
         return "none"
     return f"`{str(field.default).lower() if isinstance(field.default, bool) else field.default}`"

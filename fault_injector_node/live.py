@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bringup.profiles import PROFILES
+from bringup.profiles import PROFILES, is_there
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class LiveFault:
         elif shape.profile == "drift":
             part = 1.0 - math.exp(-since / shape.time_constant_s)
         elif shape.profile == "intermittent":
-            part = 1.0 if math.fmod(since, shape.period_s) < shape.period_s * shape.duty_percent / 100.0 else 0.0
+            part = float(is_there(since, shape.period_s, shape.duty_percent))
         else:  # random walk: standard deviation 1 after the time constant
             draw = self._random.normal() * math.sqrt(self._sample_time_s / shape.time_constant_s)
             self._walk += draw if since > 0.0 else 0.0

@@ -12,7 +12,7 @@ def scenarios(as_json: bool) -> None:
     """List the built-in scenarios."""
     from bringup.scenario import built_in_scenarios, load
 
-    known = {name: load(name) for name in built_in_scenarios()}
+    known = {name: load(name, whole=False) for name in built_in_scenarios()}
     if as_json:
         print_json({name: item.model_dump(mode="json") for name, item in known.items()})
         return

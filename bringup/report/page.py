@@ -347,9 +347,8 @@ def _again(summary: Mapping[str, Any], scenario: Mapping[str, Any]) -> str:
     from bringup.scenario import built_in_scenarios, load
 
     name = summary["scenario"]
-    built_in = name in built_in_scenarios() and load(name).model_dump(mode="json", exclude={"passive"}) == {
-        key: value for key, value in scenario.items() if key != "passive"
-    }
+    known = load(name, whole=False).model_dump(mode="json") if name in built_in_scenarios() else {}
+    built_in = {**known, "passive": None} == {**scenario, "passive": None}
     passive = " --passive" if summary["passive"] else ""
     source = name if built_in else "scenario.yaml"
     if summary["mode"] == "simulate":
