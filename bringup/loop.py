@@ -102,6 +102,8 @@ def simulate(
     ------
     RunError
         When the plant leaves the domain of its model.
+    ValueError
+        When the compensator is to act with two sensors.
     """
     # Imported here: these compile or load designs, and the command line must answer --help at once.
     from ac_plant_node import Plant, operating_point
@@ -110,7 +112,7 @@ def simulate(
     from gimc_controller_node import Compensator, Controller
     from gimc_controller_node.fallback import FallbackController
 
-    passive = scenario.passive if passive is None else passive
+    passive = scenario.is_passive(passive)
     point, sample_time_s, ticks = scenario.operating_point, scenario.sample_time_s, scenario.ticks
     rest = operating_point(point)
     plan = program(scenario, rest.inputs, rest.outputs)

@@ -91,7 +91,7 @@ class InjectorNode(NodeShell):
         self._early: tuple[int, float, float] | None = None  # a command that overtook its tick's measurement
         self._hold = CommandHold(rest["inputs"][:2], self.sample_time_s, self.value("command_hold_s"))
         # Before the first command of a run there is nothing to miss.
-        self._commanded_ns = 0 if self.value("run_start_ns") >= 0 else None
+        self._commanded_ns = 0 if self.run_start_ns >= 0 else None
         self.on_tick(
             (
                 *PLANT_OUTPUTS,

@@ -20,12 +20,11 @@ from bringup.ros.parameters import (
     OPERATING_POINT,
     RUN_START,
     SAMPLE_TIME,
+    SENSORS,
     SUPERHEAT_SENSOR,
-    Parameter,
 )
 from bringup.topics import FDI
 
-SENSORS = Parameter("sensors", 3, "3: p_e, superheat and wall thermocouple; 2: without the thermocouple", low=2, high=3)
 PARAMETERS = (
     OPERATING_POINT,
     SAMPLE_TIME,
@@ -55,9 +54,8 @@ class FdiNode(NodeShell):
         self._detector = FaultDetector(
             self.design(FdiDesign, sensors=self.value("sensors"), superheat=self.value("superheat_sensor"))
         )
-        start_ns = self.value("run_start_ns")
-        self._start_ns: int | None = start_ns if start_ns >= 0 else None
-        self._joins = start_ns >= 0
+        self._joins = self.run_start_ns >= 0
+        self._start_ns = self.run_start_ns if self._joins else None
         self._frozen = Frozen(MEASURED)
         self._last_command: np.ndarray | None = None
         self._observed_ns = -1
@@ -112,11 +110,10 @@ class FdiNode(NodeShell):
         if self._last_command is None:
             return False
         now = (np.array(values[:3]), values[3], self._last_command)
-        memory = self.recollect(time_ns)
+        memory = self.recollect(time_ns, self._detector.remember)
         if memory is None:
             self._detector.join(*now)
         else:
-            self._detector.remember(memory)
             self._detector.catch_up(*now, self.missed_ticks(memory["time_ns"], time_ns))
         self._joins = False
         return True

@@ -27,11 +27,13 @@ from numpy.typing import NDArray
 from bringup.topics import FAULTS
 from bringup.units import KPA, RPM
 from fdi_node.cache import Arrays
+from fdi_node.detector import same_shape
 from gimc_controller_node.authority import DESIGN_RANGE, Authority
+from gimc_controller_node.weights import CommandLimits
 
 Vector = NDArray[np.float64]
 
-ANY_COMMAND = np.array([6000.0 * RPM, 1.0])
+ANY_COMMAND = np.array(CommandLimits().high) * np.array([RPM, 0.01])
 """From one end of the commands to the other [rad/s, 0..1]: a bound of q that is as good as none."""
 
 TYPICAL_STEPS = np.diag([5.0 * KPA, 0.3, 0.1])
@@ -86,7 +88,8 @@ class CompensatorDesign:
     handover_time_s : float
         Time constants with which Q_act or Q_sen takes over from the guard.
     fade_time_s : float
-        Time constant with which it goes out again.
+        Time constant with which it goes out again; and how long, in a straight line, all of q takes to fade out or in
+        when accommodation is switched or q leaves its bounds.
     washout_time_s : float
         Time constants with which what is there at rest is forgotten.
     sample_time_s : float
@@ -154,8 +157,11 @@ class Compensator:
 
     @property
     def does(self) -> str:
-        """`OUTSIDE` while q is kept out because it would be more than the designs are for, otherwise empty."""
-        return OUTSIDE if self._authority.outside else ""
+        """`OUTSIDE` while q is kept out because it would be more than the designs are for, otherwise empty.
+
+        Empty, too, while nothing is to be accommodated: then q is out anyway.
+        """
+        return OUTSIDE if self._authority.outside and self.accommodate else ""
 
     def memory(self) -> dict[str, Any]:
         """What a compensator that takes this one's place has to know, fit for JSON; between two ticks."""
@@ -172,15 +178,18 @@ class Compensator:
             When it is none of a compensator of this design.
         """
         try:
-            for name in _ARRAYS:
-                getattr(self, name)[:] = memory[name]
-            self._correction[:] = [float(value) for value in memory["_correction"]]
-            self._share, self._often = float(memory["_share"]), float(memory["_often"])
-            self._follows, self._isolated = bool(memory["_follows"]), int(memory["_isolated"])
+            arrays = {name: same_shape(memory[name], getattr(self, name)) for name in _ARRAYS}
+            correction = [float(value) for value in memory["_correction"]]
+            share, often = float(memory["_share"]), float(memory["_often"])
+            follows, isolated = bool(memory["_follows"]), int(memory["_isolated"])
             self._authority.remember([float(value) for value in memory["_authority"]])
         except (KeyError, TypeError, ValueError) as problem:
             msg = f"not the memory of such a compensator: {type(problem).__name__} {problem}"
             raise ValueError(msg) from None
+        for name, array in arrays.items():
+            getattr(self, name)[:] = array
+        self._correction[:] = correction
+        self._share, self._often, self._follows, self._isolated = share, often, follows, isolated
 
     def catch_up(self, innovation: Vector, isolated: str | None, also_isolated: str | None, ticks: int) -> None:
         """Go over missed ticks as if f_e had moved from the last one to this one in a straight line.

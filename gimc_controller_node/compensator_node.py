@@ -4,6 +4,7 @@ import sys
 from collections.abc import Sequence
 
 import numpy as np
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter as RosParameter
 
 from bringup.recording import StatusRow
@@ -17,6 +18,7 @@ from bringup.ros.parameters import (
     OPERATING_POINT,
     RUN_START,
     SAMPLE_TIME,
+    SENSORS,
     SUPERHEAT_SENSOR,
     Parameter,
 )
@@ -28,6 +30,7 @@ PARAMETERS = (
     MODE,
     RUN_START,
     MEMORY_FILE,
+    SENSORS,
     SUPERHEAT_SENSOR,
     CONTROLLER_WEIGHTS,
     DESIGN_FILE,
@@ -40,6 +43,7 @@ INPUTS = (
     "fdi/innovation/wall_temperature",
     "fdi/status",
 )
+TWO_SENSORS = "accommodate cannot be true with two sensors: the compensators are designed for three"
 
 
 class CompensatorNode(NodeShell):
@@ -47,19 +51,22 @@ class CompensatorNode(NodeShell):
 
     def __init__(self) -> None:
         super().__init__(COMPENSATOR, PARAMETERS)
+        self.add_on_set_parameters_callback(self._may_change)
         self.add_post_set_parameters_callback(self._changed)
 
     def configure(self) -> None:
         """Load the design of the operating point."""
         from gimc_controller_node import Compensator, CompensatorDesign
 
+        if self.value("sensors") == 2 and self.value("accommodate"):
+            raise ValueError(TWO_SENSORS)
         self._compensator = Compensator(
             self.design(
                 CompensatorDesign, superheat=self.value("superheat_sensor"), controller=self.value("controller")
             ),
             accommodate=self.value("accommodate"),
         )
-        self._joins = self.value("run_start_ns") >= 0
+        self._joins = self.run_start_ns >= 0
         self._stepped_ns = -1
         self.on_tick(
             INPUTS,
@@ -78,15 +85,21 @@ class CompensatorNode(NodeShell):
 
     def _catch_up(self, time_ns: int, innovation: np.ndarray, status: StatusRow) -> None:
         """Take up the memory of before a crash, and go over the ticks that were missed."""
-        memory = self.recollect(time_ns) if self._joins else None
+        memory = self.recollect(time_ns, self._compensator.remember) if self._joins else None
         if memory is not None:
-            self._compensator.remember(memory)
             self._stepped_ns = memory["time_ns"]
         self._joins = False
         missed = self.missed_ticks(self._stepped_ns, time_ns) if self._stepped_ns >= 0 else 0
         if 0 < missed * self.sample_time_s < MEMORY_AGE_S:
             self._compensator.catch_up(innovation, status.isolated, status.also_isolated, missed)
         self._stepped_ns = time_ns
+
+    def _may_change(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
+        """Refuse accommodation that no design is for."""
+        on = any(parameter.name == "accommodate" and parameter.value for parameter in parameters)
+        if on and self.state != "unconfigured" and self.value("sensors") == 2:
+            return SetParametersResult(successful=False, reason=TWO_SENSORS)
+        return SetParametersResult(successful=True)
 
     def _changed(self, parameters: Sequence[RosParameter]) -> None:
         """Fade the accommodation in or out while the node runs."""

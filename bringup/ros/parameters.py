@@ -66,6 +66,9 @@ RUN_START = Parameter(
     low=-1,
     high=2**63 - 1,
 )
+SENSORS = Parameter(
+    "sensors", 3, "3: p_e, superheat and wall thermocouple; 2: without the thermocouple, K0 alone", low=2, high=3
+)
 SUPERHEAT_SENSOR = Parameter(
     "superheat_sensor",
     "direct",
@@ -75,7 +78,7 @@ SUPERHEAT_SENSOR = Parameter(
 CONTROLLER_WEIGHTS = Parameter(
     "controller",
     "tracking",
-    "tracking: K0 holds both references; paper: K0 after the paper's passive case, which lets SH go",
+    "tracking: K0 holds both references; paper: K0 after the paper's passive case, which leaves SH alone",
     choices=("tracking", "paper"),
 )
 

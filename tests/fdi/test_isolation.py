@@ -3,10 +3,28 @@
 import numpy as np
 import pytest
 
+from bringup.errors import BringupError
 from bringup.loop import simulate
 from bringup.scenario import load
 from bringup.summary import summarise
 from bringup.units import KPA, RPM
+from fdi_node import FaultDetector, design
+
+
+@pytest.mark.parametrize("sensors", [2, 3])
+def test_a_detector_that_joins_begins_without_an_innovation(sensors: int) -> None:
+    fdi = design("med", 0.1, sensors=sensors)
+    subject, off = FaultDetector(fdi), np.array([2e3, 1.0, 0.5])
+    subject.join(fdi.output_rest + off, fdi.input_rest[2], 1.01 * fdi.input_rest[:2])
+    found = subject.observe(0.0, fdi.output_rest + off, fdi.input_rest[2])
+    assert np.all(np.abs(found.innovation) < 1e-6 * off)
+
+
+def test_the_compensator_does_not_act_with_two_sensors() -> None:
+    with pytest.raises(BringupError, match="sensors: 2 needs passive: true"):
+        load("isolation", ["passive=false"])
+    with pytest.raises(ValueError, match="sensors: 2 needs passive: true"):
+        simulate(load("isolation"), passive=False)
 
 
 @pytest.mark.parametrize("sensors", [2, 3])
