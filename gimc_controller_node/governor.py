@@ -16,9 +16,9 @@ class ReferenceGovernor:
     Parameters
     ----------
     lead : float
-        How far the reference may be ahead of where the loop is expected to be.
+        How far the reference may be ahead of where the loop is expected to be; in the reference's unit [Pa or K].
     lag_s : float
-        Time constant with which the loop is expected to follow.
+        Time constant with which the loop is expected to follow [s].
     sample_time_s : float
     """
 
@@ -28,7 +28,7 @@ class ReferenceGovernor:
         self._expected: float | None = None
 
     def start(self, output: float) -> None:
-        """Begin anew with the loop at this output."""
+        """Begin anew with the loop at this output [Pa or K]."""
         self._expected = output
 
     def governed(self, reference: float) -> float:

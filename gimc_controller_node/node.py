@@ -23,12 +23,13 @@ from bringup.ros.parameters import (
     Parameter,
 )
 from bringup.topics import CONTROLLER
+from gimc_controller_node.protection import ProtectionLimits
 
 #: Fields of `ProtectionLimits` that are parameters, with what they may be.
 LIMITS = {
-    "lowest_pressure_pa": (160e3, 0.0, 1e6, "evaporator pressure below which the compressor speed is capped, Pa"),
-    "lowest_superheat_k": (3.0, 0.0, 50.0, "superheat below which the valve opening is capped, K"),
-    "release_s": (10.0, 0.0, 600.0, "how long a command must be below its cap before the cap is gone, s"),
+    "lowest_pressure_pa": (0.0, 1e6, "evaporator pressure below which the compressor speed is capped, Pa"),
+    "lowest_superheat_k": (0.0, 50.0, "superheat below which the valve opening is capped, K"),
+    "release_s": (0.0, 600.0, "how long a command must be below its cap before the cap is gone, s"),
 }
 PARAMETERS = (
     OPERATING_POINT,
@@ -38,7 +39,10 @@ PARAMETERS = (
     CONTROLLER_WEIGHTS,
     DESIGN_FILE,
     DESIGN_COPY,
-    *(Parameter(f"protection.{name}", value, text, low, high) for name, (value, low, high, text) in LIMITS.items()),
+    *(
+        Parameter(f"protection.{name}", getattr(ProtectionLimits(), name), text, low, high)
+        for name, (low, high, text) in LIMITS.items()
+    ),
 )
 
 #: How long the last measurement stands in for a missing one, s.
@@ -61,7 +65,6 @@ class ControllerNode(NodeShell):
         """Load the design of the operating point."""
         from gimc_controller_node import Controller, ControllerDesign
         from gimc_controller_node.fallback import FallbackController
-        from gimc_controller_node.protection import ProtectionLimits
 
         limits = ProtectionLimits(**{name: self.value(f"protection.{name}") for name in LIMITS})
         self._controller = FallbackController(
@@ -69,7 +72,7 @@ class ControllerNode(NodeShell):
         )
         self._frozen = Frozen(("measured/evaporator_pressure", "measured/superheat"))
         self._setpoint: np.ndarray | None = None
-        self._joins = self.value("run_start_ns") >= 0
+        self._joins = self.run_start_ns >= 0
         self._waited_s = 0.0
         self._unheard_s = DISCOVERY_S if self._joins else 0.0
         self.on_tick(
