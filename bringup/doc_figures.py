@@ -19,6 +19,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from bringup import control_figures
 from bringup.loop import Designs, designs_at, simulate
 from bringup.recording import Recording
 from bringup.rest import rest_at
@@ -155,6 +156,9 @@ MEASURES: dict[str, Callable[[], Values]] = {
     "own_controller": _own_controller,
     "own_car": _own_car,
     "own_scenario": _own_scenario,
+    "reached": control_figures.reached,
+    "steps": control_figures.steps,
+    "noise": control_figures.noise,
 }
 
 #: Page, and words in which figures stand: {group[name]:format}. Where the page breaks its lines does not matter.
@@ -248,6 +252,7 @@ SENTENCES: tuple[tuple[str, str], ...] = (
         "after {own_scenario[drift_after_s]:.0f} s, when it is {own_scenario[drift_kpa]:.1f} kPa off",
     ),
     ("docs/how-to/own-scenario.md", "each time within {own_scenario[slips_within_s]:.0f} s"),
+    *control_figures.SENTENCES,
 )
 
 _FIELD = re.compile(r"\{(\w+)\[(\w+)\]:([^}]*)\}")
