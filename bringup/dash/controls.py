@@ -214,7 +214,7 @@ class RunControl:
         _set(self._accommodation, label=f"Switch accommodation {'off' if view.accommodate else 'on'}")
         _set(self._accommodation, disabled=view.phase not in ("running", "paused"))
         _set(self._pause, label="Resume" if view.phase == "paused" else "Pause")
-        _set(self._pause, disabled=view.phase not in ("running", "paused"))
+        _set(self._pause, disabled=not view.may_pause)
         for widget in (self._reset, self._point):
             _set(widget, disabled=not view.may_reconfigure)
         if view.point in POINTS and view.phase != "setting up":

@@ -101,6 +101,11 @@ class View:
         """Whether operating point and reset are offered: not while somebody records the run at the present one."""
         return self.phase in ("running", "paused", "over") and not self.recorded
 
+    @property
+    def may_pause(self) -> bool:
+        """Whether to pause, or to go on, is offered: in a bag of the wall clock a pause would be a hole."""
+        return self.phase == "paused" or (self.phase == "running" and not (self.recorded and self.mode == "realtime"))
+
 
 @dataclass
 class _Heard:
