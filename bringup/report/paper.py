@@ -25,7 +25,7 @@ ACCOMMODATION: dict[str, PaperFigures] = {
         passive={"command_change_rpm": -20.0},
         active={"command_change_rpm": -40.0, "steady_pressure_error_kpa": 0.0},
         remark=(
-            "The paper's passive controller takes back only half of the 40 rpm: its K0 holds p_e and lets SH go "
+            "The paper's passive controller takes back only half of the 40 rpm: its K0 holds p_e and leaves SH alone "
             "(controller: paper in a scenario). The tracking K0 holds both references and brings the passive loop to "
             "rest at about -40 rpm as well; what accommodation buys there is the transient of the evaporator pressure. "
             "acftc reproduce shows both."

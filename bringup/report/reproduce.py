@@ -228,9 +228,9 @@ def actuator_fault() -> Experiment:
     ]
     picture = _picture("E5", active, let_go, (*_LOOP, *_RESIDUALS))
     remark = (
-        "Drawn as passive: a K0 after the paper's weights, which holds p_e, lets SH go, takes back half of the 40 rpm "
-        "and leaves the rest to the valve. The K0 that is used everywhere else holds both references; its passive loop "
-        "comes to rest at -40 rpm, too, and what accommodation buys is the transient of p_e."
+        "Drawn as passive: a K0 after the paper's weights, which holds p_e, leaves SH alone, takes back half of the "
+        "40 rpm and leaves the rest to the valve. The K0 that is used everywhere else holds both references; its "
+        "passive loop comes to rest at -40 rpm, too, and what accommodation buys is the transient of p_e."
     )
     title = "Accommodation of an actuator fault"
     return Experiment("E5", title, findings + _isolation_verdicts(active), remark, picture)
