@@ -84,7 +84,8 @@ class OwnGraph:
         if self._ends.is_set():
             msg = "the page is being closed"
             raise RunError(msg)
-        self._children[name] = start_again(name, {**self._parameters[name], **changed}, self._log, self._environment)
+        stop([self._children[name]], patience_s=0.0)  # what its process may have left in its group
+        self._children[name] = start_again(name, self._parameters[name], self._log, self._environment, changed=changed)
         return self._children[name]
 
     def _manage(self) -> None:
