@@ -125,7 +125,8 @@ def _needed(values: NDArray[np.float64], step: bool) -> NDArray[np.bool_]:
     finite = values[np.isfinite(values)]
     if ticks < 3 or not len(finite):
         return needed
-    allowed = MISS * float(np.ptp(finite))
+    # Half of what may be missed: a point that another signal needs is off the line by as much as this, too.
+    allowed = 0.5 * MISS * float(np.ptp(finite))
     length = 2
     while length < ticks:
         whole = (ticks - 1) // length

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from bringup.recording import Recording
@@ -54,6 +54,7 @@ def signal_of(pieces: list[tuple[str, int, float]]) -> np.ndarray:
 
 @settings(max_examples=100, deadline=None)
 @given(PIECES, st.booleans())
+@example([("rest", 2, 0.0), ("noise", 14, 1.0), ("wave", 1984, 1608.0)], False)  # a point for the mouse in between
 def test_a_thinned_plot_shows_every_tick_as_it_was(pieces: list[tuple[str, int, float]], step: bool):
     values = signal_of(pieces)
     kept = kept_ticks(np.arange(len(values)) * 0.1, [(values, step)])
