@@ -1,12 +1,13 @@
 """Figures of docs/control.md that come from whole runs; `bringup.doc_figures` puts them there."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bringup.loop import simulate
+from bringup.loop import designs_at, simulate
 from bringup.recording import Recording
 from bringup.scenario import load
 from bringup.summary import summarise
@@ -54,10 +55,25 @@ def steps() -> dict[str, float]:
     for point in POINTS:
         for direction, kelvin in (("up", 5.0), ("down", -5.0)):
             for who, passive in (("whole", False), ("k0", True)):
-                step = f"references.superheat_k=[{{at_s: {STEP_AT_S:g}, to: {kelvin:g}}}]"
-                run = _run("nominal", point, (step, "duration_s=410"), passive)
+                run = _run("nominal", point, (_step_by(kelvin), "duration_s=410"), passive)
                 values[f"{point}_{direction}_{who}_kpa"] = float(_off(run, "evaporator_pressure").max()) / KPA
-    return values
+    low = designs_at("low", 0.1)
+    unscaled = replace(low, compensator=replace(low.compensator, reference_rest=np.empty(0)))
+    scenario = load("nominal", ["operating_point=low", _step_by(5.0), "duration_s=410"])
+    off = _off(simulate(scenario, designs=unscaled), "evaporator_pressure")
+    return {**values, "low_up_unscaled_kpa": float(off.max()) / KPA}
+
+
+def _step_by(kelvin: float) -> str:
+    return f"references.superheat_k=[{{at_s: {STEP_AT_S:g}, to: {kelvin:g}}}]"
+
+
+def reach() -> dict[str, float]:
+    """By how much q is scaled where the references lead furthest from a point."""
+    excess = {point: designs_at(point, 0.1).compensator.reach_excess for point in POINTS}
+    at = {"low_k": ("low", 1, 3), "low_kpa": ("low", 0, 4), "med_k": ("med", 1, 4), "med_kpa": ("med", 0, 4)}
+    at |= {"high_kpa": ("high", 0, 4)}
+    return {name: 1.0 / float(excess[point][row, column]) for name, (point, row, column) in at.items()}
 
 
 def noise() -> dict[str, float]:
@@ -81,6 +97,13 @@ def _row(label: str, group: str, name: str, digits: int) -> tuple[str, str]:
 
 
 SENTENCES = (
+    (
+        PAGE,
+        "at the low point by {reach[low_k]:.2f} at +5 K and {reach[low_kpa]:.2f} at +40 kPa, at the medium one by"
+        " {reach[med_k]:.2f} at +10 K and {reach[med_kpa]:.2f} at +40 kPa, at the high one by {reach[high_kpa]:.2f} at"
+        " +40 kPa",
+    ),
+    (PAGE, "all of q would move p_e by {steps[low_up_unscaled_kpa]:.1f} kPa, and leave by its bounds"),
     _row("E5 command at rest, rpm", "reached", "e5_command_rpm", 2),
     _row("E5 peak of p_e, kPa", "reached", "e5_peak_kpa", 2),
     _row("E5 isolated after, s", "reached", "e5_isolated_s", 1),

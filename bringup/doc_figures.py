@@ -157,6 +157,7 @@ MEASURES: dict[str, Callable[[], Values]] = {
     "own_car": _own_car,
     "own_scenario": _own_scenario,
     "reached": control_figures.reached,
+    "reach": control_figures.reach,
     "steps": control_figures.steps,
     "noise": control_figures.noise,
 }

@@ -144,7 +144,7 @@ def simulate(
         time_s, (f_n, f_p) = times[k], faults[k]
         measured = injector.measure(outputs[:3], f_p)
         found = detector.observe(time_s, measured, air_inlet_temperature_c)
-        q = compensator.step(found.innovation, found.isolated, found.also_isolated)
+        q = compensator.step(found.innovation, found.isolated, found.also_isolated, tuple(reference.tolist()))
         command = controller.step(reference, measured, q)
         detector.commanded(command)
         if (does := compensator.does) != compensator_does:

@@ -29,6 +29,7 @@ from bringup.units import KPA, RPM
 from fdi_node.cache import Arrays
 from fdi_node.detector import same_shape
 from gimc_controller_node.authority import DESIGN_RANGE, Authority
+from gimc_controller_node.reach import Reach
 from gimc_controller_node.weights import CommandLimits
 
 Vector = NDArray[np.float64]
@@ -95,6 +96,8 @@ class CompensatorDesign:
     sample_time_s : float
     q_range : ndarray, shape (2,)
         What q is bounded by [rad/s, 0..1] (see `gimc_controller_node.authority`); left empty, `range_of_filters`.
+    reference_rest, reach_offsets, reach_excess : ndarray, shapes (2,), (2, m), (2, m)
+        How q is scaled where the references lead elsewhere (see `gimc_controller_node.reach`); left empty, it is not.
     """
 
     a: Vector
@@ -106,6 +109,9 @@ class CompensatorDesign:
     washout_time_s: float
     sample_time_s: float
     q_range: Vector = field(default_factory=lambda: np.empty(0))
+    reference_rest: Vector = field(default_factory=lambda: np.empty(0))
+    reach_offsets: Vector = field(default_factory=lambda: np.empty((2, 0)))
+    reach_excess: Vector = field(default_factory=lambda: np.empty((2, 0)))
 
     def __post_init__(self) -> None:
         """Find the bounds of q when there are none."""
@@ -114,9 +120,11 @@ class CompensatorDesign:
 
     @classmethod
     def from_arrays(cls, arrays: Arrays) -> "CompensatorDesign":
-        """Design from the arrays that the cache stores, or of a file of your own, which may lack `q_range`."""
-        known = {"q_range": np.empty(0), **arrays}
-        matrices = {name: np.ascontiguousarray(known[name]) for name in ("a", "b", "c", "d", "q_range")}
+        """Design from the arrays that the cache stores, or of a file of your own, which may lack the last four."""
+        none = np.empty((2, 0))
+        free = {"q_range": np.empty(0), "reference_rest": np.empty(0), "reach_offsets": none, "reach_excess": none}
+        known = {**free, **arrays}
+        matrices = {name: np.ascontiguousarray(known[name]) for name in ("a", "b", "c", "d", *free)}
         names = ("handover_time_s", "fade_time_s", "washout_time_s", "sample_time_s")
         return cls(**matrices, **{name: float(arrays[name]) for name in names})  # type: ignore[arg-type]
 
@@ -153,6 +161,9 @@ class Compensator:
         self._share_step = design.sample_time_s / design.fade_time_s
         self._often, self._forgets_often = 0.0, math.exp(-design.sample_time_s / OFTEN_S)
         self._follows, self._isolated = True, 0
+        self._reach = Reach(
+            design.reference_rest, design.reach_offsets, design.reach_excess, design.sample_time_s, design.fade_time_s
+        )
         self._authority = Authority(design.q_range, design.sample_time_s, design.fade_time_s)
 
     @property
@@ -167,6 +178,7 @@ class Compensator:
         """What a compensator that takes this one's place has to know, fit for JSON; between two ticks."""
         arrays = {name: getattr(self, name).tolist() for name in _ARRAYS}
         own = {"_correction": self._correction, **{name: getattr(self, name) for name in _NUMBERS}}
+        own["_reach"] = self._reach.gain
         return {**arrays, **own, "_authority": self._authority.memory()}
 
     def remember(self, memory: Mapping[str, Any]) -> None:
@@ -181,7 +193,7 @@ class Compensator:
             arrays = {name: same_shape(memory[name], getattr(self, name)) for name in _ARRAYS}
             correction = [float(value) for value in memory["_correction"]]
             share, often = float(memory["_share"]), float(memory["_often"])
-            follows, isolated = bool(memory["_follows"]), int(memory["_isolated"])
+            follows, isolated, reach = bool(memory["_follows"]), int(memory["_isolated"]), float(memory["_reach"])
             self._authority.remember([float(value) for value in memory["_authority"]])
         except (KeyError, TypeError, ValueError) as problem:
             msg = f"not the memory of such a compensator: {type(problem).__name__} {problem}"
@@ -190,17 +202,31 @@ class Compensator:
             getattr(self, name)[:] = array
         self._correction[:] = correction
         self._share, self._often, self._follows, self._isolated = share, often, follows, isolated
+        self._reach.begin(reach)
 
-    def catch_up(self, innovation: Vector, isolated: str | None, also_isolated: str | None, ticks: int) -> None:
+    def catch_up(
+        self,
+        innovation: Vector,
+        isolated: str | None,
+        also_isolated: str | None,
+        ticks: int,
+        reference: tuple[float, float] | None = None,
+    ) -> None:
         """Go over missed ticks as if f_e had moved from the last one to this one in a straight line.
 
-        Call it before `step`, with that tick's innovation and isolation; `ticks` is how many were missed.
+        Call it before `step`, with that tick's innovation, isolation and references; `ticks` is how many were missed.
         """
         start = self._innovation.copy()
         for tick in range(1, ticks + 1):
-            self.step(start + (innovation - start) * (tick / (ticks + 1)), isolated, also_isolated)
+            self.step(start + (innovation - start) * (tick / (ticks + 1)), isolated, also_isolated, reference)
 
-    def step(self, innovation: Vector, isolated: str | None, also_isolated: str | None = None) -> Vector:
+    def step(
+        self,
+        innovation: Vector,
+        isolated: str | None,
+        also_isolated: str | None = None,
+        reference: tuple[float, float] | None = None,
+    ) -> Vector:
         """Signal q of this tick.
 
         Parameters
@@ -211,6 +237,8 @@ class Compensator:
             The isolated fault: "compressor_speed", "evaporator_pressure", or None.
         also_isolated : str or None
             The other one, when both are.
+        reference : tuple of float, optional
+            References of p_e [Pa] and SH [K]; None: those of the tick before still hold.
 
         Returns
         -------
@@ -236,7 +264,8 @@ class Compensator:
             correction[3] += rate * (correction[1] - correction[3])
         change = self._share_step if self.accommodate else -self._share_step
         share = self._share = min(max(self._share + change, 0.0), 1.0)
-        speed, valve = guard_speed + correction[2], guard_valve + correction[3]
+        gain = self._reach.gain if reference is None else self._reach.step(*reference)
+        speed, valve = gain * (guard_speed + correction[2]), gain * (guard_valve + correction[3])
         share *= self._authority.step(speed, valve)
         if share == 0.0:
             return np.zeros(2)
@@ -245,8 +274,8 @@ class Compensator:
     def _may_follow(self, isolated: int) -> bool:
         """Whether the faults that are isolated, none to two, are to be followed.
 
-        Not when they come and go too often, nor where q has gone beyond its bounds: a model that is not good enough for
-        the guard is not for the isolation either.
+        Not when they come and go too often, nor where q has gone beyond its bounds or all of it would leave too little
+        margin: a model that is not good enough for the guard is not for the isolation either.
         """
         self._often = self._often * self._forgets_often + (isolated > self._isolated)
         self._isolated = isolated
@@ -254,7 +283,7 @@ class Compensator:
             self._follows = False
         elif self._often < SELDOM and isolated == 0:
             self._follows = True
-        return self._follows and not self._authority.on_probation
+        return self._follows and not self._authority.on_probation and self._reach.is_whole
 
 
 def _filters(design: CompensatorDesign, rate: float) -> Vector:

@@ -25,10 +25,12 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
+from ac_plant_node import operating_point
 from fdi_node.cache import Arrays
 from fdi_node.design_cache import cached_design
 from fdi_node.design_model import COMMAND_UNIT, OUTPUT_UNIT, design_model, to_si
 from fdi_node.design_report import BlockReport
+from fdi_node.detector import FdiDesign
 from fdi_node.synthesis import RANK_NOISE, innovation_factors
 from fdi_node.weights import FdiWeights
 from gimc.interconnect import (
@@ -49,6 +51,9 @@ from gimc.reduction import reduce_order
 from gimc.sampled import discretise
 from gimc.structure import FaultySystem, closed_loop, disturbance_factor, fault_factor
 from gimc_controller_node.authority import DESIGN_RANGE
+from gimc_controller_node.compensator import CompensatorDesign
+from gimc_controller_node.controller import ControllerDesign
+from gimc_controller_node.reach_design import OFFSETS, reach_excess
 from gimc_controller_node.weights import CompensatorWeights, ControllerWeights, MatchingWeights
 
 Matrix = NDArray[np.float64]
@@ -223,7 +228,7 @@ def synthesise(
                 seconds=time.perf_counter() - started,
             )
         )
-    return {
+    arrays = {
         "a": block_diagonal(*(q.A for q in filters)),
         "b": np.vstack([q.B for q in filters]),
         "c": block_diagonal(*(q.C for q in filters)),
@@ -233,5 +238,13 @@ def synthesise(
         "washout_time_s": np.array(weights.washout_time_s),
         "sample_time_s": np.array(sample_time_s),
         "q_range": DESIGN_RANGE * q_peaks(model.system, L, guard) * COMMAND_UNIT,
+    }
+    detector = FdiDesign.from_arrays(cached_design("fdi", "fdi_node.synthesis", point, sample_time_s, fdi))
+    compensator = CompensatorDesign.from_arrays(arrays)
+    return {
+        **arrays,
+        "reference_rest": np.array(operating_point(point).outputs[:2]),
+        "reach_offsets": OFFSETS,
+        "reach_excess": reach_excess(point, detector, ControllerDesign.from_arrays(k0), compensator),
         **{f"report_{report.block}": report.to_array() for report in reports},
     }

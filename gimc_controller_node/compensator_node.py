@@ -1,5 +1,6 @@
 """Node `compensator`: q = Q f_e, with Q_act or Q_sen as the isolation says."""
 
+import math
 import sys
 from collections.abc import Sequence
 
@@ -37,11 +38,13 @@ PARAMETERS = (
     DESIGN_COPY,
     Parameter("accommodate", True, "false leaves K0 alone: q fades to 0 whatever is isolated", live=True),
 )
+REFERENCES = ("reference/evaporator_pressure", "reference/superheat")
 INPUTS = (
     "fdi/innovation/evaporator_pressure",
     "fdi/innovation/superheat",
     "fdi/innovation/wall_temperature",
     "fdi/status",
+    *REFERENCES,
 )
 TWO_SENSORS = "accommodate cannot be true with two sensors: the compensators are designed for three"
 
@@ -71,19 +74,32 @@ class CompensatorNode(NodeShell):
         self.on_tick(
             INPUTS,
             self._step,
-            holds_s=dict.fromkeys(INPUTS, self.sample_time_s),
+            holds_s={**dict.fromkeys(INPUTS, self.sample_time_s), **dict.fromkeys(REFERENCES, math.inf)},
+            optional=REFERENCES,
         )
 
-    def _step(self, time_ns: int, p_e: float, superheat: float, wall: float, status: StatusRow) -> None:
+    def _step(
+        self,
+        time_ns: int,
+        p_e: float,
+        superheat: float,
+        wall: float,
+        status: StatusRow,
+        wanted_p_e: float | None,
+        wanted_superheat: float | None,
+    ) -> None:
         innovation = np.array([p_e, superheat, wall])
+        wanted = None if wanted_p_e is None or wanted_superheat is None else (wanted_p_e, wanted_superheat)
         if self.is_realtime:
-            self._catch_up(time_ns, innovation, status)
-        q = self._compensator.step(innovation, status.isolated, status.also_isolated)
+            self._catch_up(time_ns, innovation, status, wanted)
+        q = self._compensator.step(innovation, status.isolated, status.also_isolated, wanted)
         self.enter(self._compensator.does, time_ns)
         self.send(time_ns, "compensator/q", *q.tolist())
         self.keep(time_ns, self._compensator.memory)
 
-    def _catch_up(self, time_ns: int, innovation: np.ndarray, status: StatusRow) -> None:
+    def _catch_up(
+        self, time_ns: int, innovation: np.ndarray, status: StatusRow, reference: tuple[float, float] | None
+    ) -> None:
         """Take up the memory of before a crash, and go over the ticks that were missed."""
         memory = self.recollect(time_ns, self._compensator.remember) if self._joins else None
         if memory is not None:
@@ -91,7 +107,7 @@ class CompensatorNode(NodeShell):
         self._joins = False
         missed = self.missed_ticks(self._stepped_ns, time_ns) if self._stepped_ns >= 0 else 0
         if 0 < missed * self.sample_time_s < MEMORY_AGE_S:
-            self._compensator.catch_up(innovation, status.isolated, status.also_isolated, missed)
+            self._compensator.catch_up(innovation, status.isolated, status.also_isolated, missed, reference)
         self._stepped_ns = time_ns
 
     def _may_change(self, parameters: Sequence[RosParameter]) -> SetParametersResult:

@@ -366,7 +366,7 @@ def _medium_compensator_at(point: str, name: str, medium: Designs) -> list[Findi
     own = designs_at(point, scenario.sample_time_s)
     foreign = replace(medium.fdi, input_rest=own.fdi.input_rest, output_rest=own.fdi.output_rest)
     # Without the bounds that would leave the loop to K0: Q itself is what is looked at.
-    unbounded = replace(medium.compensator, q_range=np.full(2, np.inf))
+    unbounded = replace(medium.compensator, q_range=np.full(2, np.inf), reference_rest=np.empty(0))
     used = {
         "its own Q": own,
         "the medium Q": replace(own, compensator=unbounded),

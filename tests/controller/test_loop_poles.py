@@ -54,7 +54,7 @@ def test_a_pole_outside_the_circle_shows_on_the_nonlinear_plant() -> None:
     own, medium = designs_at("low", SAMPLE_TIME_S), designs_at("med", SAMPLE_TIME_S)
     fdi = replace(medium.fdi, input_rest=own.fdi.input_rest, output_rest=own.fdi.output_rest)
     scenario = load("actuator_fault", ["operating_point=low", "references={}", "faults.0.onset_s=20", "duration_s=120"])
-    unbounded = replace(medium.compensator, q_range=np.full(2, np.inf))
+    unbounded = replace(medium.compensator, q_range=np.full(2, np.inf), reference_rest=np.empty(0))
     away = simulate(scenario, designs=replace(own, fdi=fdi, compensator=unbounded)).series
     near = simulate(scenario, designs=own).series
     moved = [np.abs(run["plant/evaporator_pressure"][-200:] - own.fdi.output_rest[0]).max() for run in (away, near)]
