@@ -58,11 +58,11 @@ def test_it_begins_with_the_first_reference_and_does_not_hide_what_is_no_number(
     ("point", "step_k"),
     [*((point, step_k) for point in ("med", "high") for step_k in (10.0, -10.0)), ("low", 5.0), ("low", -10.0)],
 )
-def test_a_step_of_the_superheat_and_back_overshoots_by_less_than_a_tenth(point: str, step_k: float) -> None:
+def test_a_step_of_the_superheat_and_back_overshoots_by_less_than_a_twentieth(point: str, step_k: float) -> None:
     """At the low point without the governor +5 K overshoots by 16 % and moves p_e by 33 kPa."""
     seen = run(point, [(10.0, 0.0, step_k), (210.0, 0.0, 0.0)], 410.0)
     superheat = seen.superheat_k
-    assert (superheat[:2100] / step_k).max() < 1.1
-    assert (-superheat[2100:] / step_k).max() < 0.1
+    assert (superheat[:2100] / step_k).max() < 1.05
+    assert (-superheat[2100:] / step_k).max() < 0.05
     assert np.abs(superheat[[2099, -1]] - [step_k, 0.0]).max() < 0.05
     assert np.abs(seen.pressure_kpa).max() < 2.0
