@@ -107,6 +107,6 @@ def _try(design: Any) -> None:
             detector.commanded(command)
             detector.observe(design.sample_time_s, measured, 30.0)
         elif isinstance(design, CompensatorDesign):
-            Compensator(design).step(np.array([1e3, 1.0, 1.0]), None, None)
+            Compensator(design).step(np.array([1e3, 1.0, 1.0]), None, None, reference=(2.5e5, 20.0))
         elif isinstance(design, ControllerDesign):
             Controller(design).step(measured[:2], measured[:2], np.zeros(2))

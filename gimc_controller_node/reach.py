@@ -31,6 +31,11 @@ class Reach:
     fade_time_s : float
         How long the gain takes from one to nothing, in a straight line; the other way `SLOWER_UP` times that.
 
+    Raises
+    ------
+    ValueError
+        When the shapes do not belong together.
+
     Attributes
     ----------
     gain : float
@@ -38,6 +43,9 @@ class Reach:
     """
 
     def __init__(self, rest: Vector, offsets: Vector, excess: Vector, sample_time_s: float, fade_time_s: float) -> None:
+        shapes = rest.shape, offsets.shape, excess.shape
+        if rest.size and not (shapes[0] == (2,) and shapes[1] == shapes[2] and offsets.ndim == 2 and len(offsets) == 2):
+            raise ValueError(f"reach of shapes {shapes}; needed (2,), (2, m), (2, m)")
         self._rest: list[float] = rest.tolist()
         self._offsets, self._excess = offsets, excess
         self._down = sample_time_s / fade_time_s

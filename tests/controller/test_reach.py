@@ -39,6 +39,11 @@ def test_a_design_that_knows_nothing_of_it_is_not_scaled() -> None:
     assert subject.step(1e9, 1e9) == 1.0
 
 
+def test_what_does_not_belong_together_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"needed \(2,\), \(2, m\)"):
+        Reach(REST, OFFSETS, EXCESS[:, :2], T, FADE_S)
+
+
 @given(st.lists(st.tuples(st.floats(-1e5, 1e5), st.floats(-20.0, 20.0)), min_size=2, max_size=60))
 def test_it_never_jumps_and_stays_between_nothing_and_one(offsets: list[tuple[float, float]]) -> None:
     subject = reach()
