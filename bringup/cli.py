@@ -128,6 +128,18 @@ def main(arguments: list[str] | None = None) -> None:
     sys.exit(code if isinstance(code, int) else 0)
 
 
+def entry() -> None:
+    """Run the command line as a program."""
+    try:
+        main()
+    except SystemExit as end:
+        if "rclpy" in sys.modules and isinstance(end.code, int):
+            from bringup.ros.processes import leave
+
+            leave(end.code)
+        raise
+
+
 def _usage(problem: click.ClickException) -> str:
     text = problem.format_message()
     context = getattr(problem, "ctx", None)
@@ -169,4 +181,4 @@ def _fail(line: str, code: int) -> int:
 
 
 if __name__ == "__main__":
-    main()
+    entry()

@@ -5,7 +5,7 @@ import socket
 import sys
 
 from bringup.dash.server import TOKEN_VARIABLE, Address, Door, serve
-from bringup.ros.processes import end_with_parent
+from bringup.ros.processes import end_with_parent, leave
 
 
 def main() -> None:
@@ -20,6 +20,7 @@ def main() -> None:
         serve(Address(sockets, Door(port, os.environ.get(TOKEN_VARIABLE, "")), ""), link)
     finally:
         link.close()
+    leave(0)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,6 @@ A node is a thin shell around pure step functions: it names its parameters, buil
 says with `on_tick` which topics make up a tick's input and what to do then.
 """
 
-import contextlib
 import errno
 import gc
 import json
@@ -44,7 +43,7 @@ from bringup.ros.inputs import Gate, LoopInputs, Subscriptions
 from bringup.ros.messages import message_class
 from bringup.ros.own_health import Health
 from bringup.ros.parameters import COMMON, Parameter
-from bringup.ros.processes import DISK_FULL, end_with_parent
+from bringup.ros.processes import DISK_FULL, end_with_parent, leave
 from bringup.ros.realtime import Care, set_priority, sleep_until
 from bringup.ros.ticks import TickSet, Timeline, WallClockSet
 from bringup.topics import BY_NAME, OCCASIONAL, TOPICS, Topic
@@ -470,9 +469,7 @@ def qos_of(topic: Topic) -> QoSProfile:
 def run_node(make: Callable[[], NodeShell]) -> NoReturn:
     """Run a node until it is told to end, and end the process.
 
-    The exit code is 0 after SIGINT and SIGTERM, 1 when the node failed, 2 after bad input. Does not return: what the
-    middleware does when the interpreter has gone (destructors of static objects) has been seen to spin for ever, and to
-    crash, when a message was under way.
+    The exit code is 0 after SIGINT and SIGTERM, 1 when the node failed, 2 after bad input.
     """
     end_with_parent()
     made: list[NodeShell] = []
@@ -484,10 +481,7 @@ def run_node(make: Callable[[], NodeShell]) -> NoReturn:
             code = code or _report(node, problem)
         node.destroy_node()
     rclpy.try_shutdown()
-    with contextlib.suppress(OSError):  # the log is on a disk that is full
-        sys.stdout.flush()
-        sys.stderr.flush()
-    os._exit(code)
+    leave(code)
 
 
 def _run(make: Callable[[], NodeShell], made: list[NodeShell]) -> int:

@@ -15,13 +15,15 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, NoReturn
 
 from bringup.errors import BringupError
 
 #: Tells a node who started it: it ends when that process ends, however it ends.
 PARENT_VARIABLE = "ACFTC_PARENT_PID"
-FASTDDS_PROFILE = Path(__file__).with_name("fastdds.xml")
+#: Times of Fast DDS for wherever discovery goes, and the same with messages over 127.0.0.1 alone.
+FASTDDS_PROFILE, FASTDDS_THIS_HOST = (Path(__file__).with_name(f"fastdds{n}.xml") for n in ("", "_this_host"))
+_RANGE, _PROFILE = "ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTRTPS_DEFAULT_PROFILES_FILE"
 #: Domains that Linux leaves free of ephemeral ports.
 DOMAINS = range(102)
 
@@ -36,13 +38,23 @@ _PR_SET_PDEATHSIG = 1
 def ros_environment() -> dict[str, str]:
     """What the middleware needs, wherever the user has not said otherwise: stay on this host, discover quickly."""
     defaults = {
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        "FASTRTPS_DEFAULT_PROFILES_FILE": str(FASTDDS_PROFILE),
+        _RANGE: "LOCALHOST",
+        _PROFILE: str(FASTDDS_PROFILE),
         "AMENT_PREFIX_PATH": sys.prefix,
         # The matrices are small: threads would only cost memory and compete for the processors.
         "OPENBLAS_NUM_THREADS": "1",
     }
-    return {name: value for name, value in defaults.items() if name not in os.environ}
+    wanted = {name: value for name, value in defaults.items() if name not in os.environ}
+    if os.environ.get(_RANGE, "LOCALHOST") == "LOCALHOST" and _may_use_this_host_profile():
+        # The range LOCALHOST would add shared memory, whatever the profile says; this one says by itself where to stay.
+        wanted |= {_RANGE: "SYSTEM_DEFAULT", _PROFILE: str(FASTDDS_THIS_HOST)}
+    return wanted
+
+
+def _may_use_this_host_profile() -> bool:
+    """Whether the middleware is Fast DDS and the user has left its profile and its peers to us."""
+    fast_dds = os.environ.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp").startswith("rmw_fastrtps")
+    return fast_dds and _PROFILE not in os.environ and "ROS_STATIC_PEERS" not in os.environ
 
 
 class Domain:
@@ -99,6 +111,17 @@ def _end_some_time_after(parent: int) -> None:
     select.select([parent], [], [])
     time.sleep(PATIENCE_S)
     os._exit(1)
+
+
+def leave(code: int) -> NoReturn:
+    """End this process without what the middleware does when the interpreter has gone.
+
+    Its destructors of static objects have been seen to spin for ever, and to crash, when a message was under way.
+    """
+    with contextlib.suppress(OSError):  # what is written to is on a disk that is full, or gone
+        sys.stdout.flush()
+        sys.stderr.flush()
+    os._exit(code)
 
 
 #: Exit code of a node that found the disk full, which takes neither the bag nor the words about it.

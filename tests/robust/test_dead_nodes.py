@@ -1,8 +1,8 @@
 """Nodes that are killed while the loop runs on the wall clock and a fault is being accommodated: the loop goes on."""
 
 import contextlib
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,8 @@ from mischief import Mischief, killing
 from rosbags.highlevel import AnyReader
 
 from bringup.bags.reader import health_reports, read_bag, read_raw
+from bringup.bench.figures import host_noise, start_host_noise
+from bringup.bench.host_noise import missed_by_us
 from bringup.errors import RunError
 from bringup.recording import AS_USUAL, Recording
 from bringup.ros.graph import GraphRun, run_graph
@@ -46,24 +48,18 @@ class Ordeal:
     run: GraphRun
     recording: Recording
     died: dict[str, int]
+    stalls: Sequence[tuple[float, float]]
 
     def missing(self, series: str, first: int, last: int) -> list[int]:
         """Ticks of a stretch in which a message is missing."""
         return [k for k in range(first, last) if np.isnan(self.recording.series[series][k])]
 
-    @property
-    def stalls(self) -> int:
-        """Ticks that the controller passed over because they had piled up, and has counted.
-
-        On a busy machine the middleware can hold up everybody's messages, the plant's included, for some hundred
-        milliseconds when a node comes back (docs/limits.md).
-        """
-        counts = [0]
-        for name, values in health_reports(read_raw(self.run.bag)):
-            if name == CONTROLLER and "skipped_ticks" in values:
-                counts.append(int(values["skipped_ticks"]))
-        falls = [before for before, now in pairwise(counts) if now < before]  # one controller's end
-        return sum(falls) + counts[-1]
+    def missed_commands(self, first: int, last: int) -> int:
+        """Ticks of a stretch without a command, but for those in which the machine stood still."""
+        plant = dict(health_reports(read_raw(self.run.bag)))[PLANT]
+        began_s = [float(plant["epoch_monotonic_s"]) + 0.1 * tick for tick in self.missing(SPEED, first, last)]
+        _machine, ours = missed_by_us(began_s, 0.1, self.stalls)
+        return ours
 
 
 @pytest.fixture(scope="module")
@@ -74,9 +70,10 @@ def ordeal(tmp_path_factory: pytest.TempPathFactory) -> Ordeal:
     quick = folder / "quick.yaml"
     holds = {INJECTOR: HOLD_S, PLANT: HOLD_S + 0.2}  # the plant is to see no more than the injector's hold
     quick.write_text("".join(f"/ac/{n}: {{ros__parameters: {{command_hold_s: {s}}}}}\n" for n, s in holds.items()))
-    own = OwnNodes(params_file=quick)
+    own, probes = OwnNodes(params_file=quick), start_host_noise(300.0)
     run = run_graph(check(FAULTY), folder, mode="realtime", care=True, progress=mischief, own=own)
-    return Ordeal(run, read_bag(run.bag), dict(zip(KILLED.values(), mischief.done[1:], strict=True)))
+    died = dict(zip(KILLED.values(), mischief.done[1:], strict=True))
+    return Ordeal(run, read_bag(run.bag), died, host_noise(probes).stalls)
 
 
 def change_live() -> None:
@@ -101,7 +98,7 @@ def test_without_fdi_or_compensator_k0_goes_on_and_no_command_is_missed(node: st
     died = ordeal.died[node]
     without = ordeal.missing(Q, died, died + 28)  # before the next one dies
     assert len(without) > 0
-    assert len(ordeal.missing(SPEED, died, died + 28)) <= ordeal.stalls
+    assert ordeal.missed_commands(died, died + 28) == 0
     # Bumpless: while q is gone the command never moves by more than q was, which fades.
     last_q = abs(ordeal.recording.series[Q][without[0] - 1])
     moved = np.abs(np.diff(ordeal.recording.series[SPEED][without[0] - 1 : without[-1]]))
@@ -129,8 +126,8 @@ def test_recorder_goes_on_in_a_file_of_its_own(ordeal: Ordeal) -> None:
 def test_without_a_controller_the_actuators_hold_then_go_to_the_safe_command(ordeal: Ordeal) -> None:
     series, died = ordeal.recording.series, ordeal.died[CONTROLLER]
     missing = ordeal.missing(SPEED, died - 2, died + 45)
-    # Until the new one's first command; on a busy machine that one may miss a tick of its own later.
-    without = [tick for i, tick in enumerate(missing) if tick == missing[0] + i]
+    # Until the new one's first command: the machine may take a tick from either at another time.
+    without = max(np.split(missing, np.flatnonzero(np.diff(missing) > 1) + 1), key=len)
     before = series[SPEED][without[0] - 1]
     held = series["actuator/setpoint:compressor"][without[0] : without[-1] + 1]
     hold_ticks = round(HOLD_S / 0.1)
@@ -140,17 +137,17 @@ def test_without_a_controller_the_actuators_hold_then_go_to_the_safe_command(ord
     later = held[np.isfinite(held)]
     assert np.all(np.abs(np.diff(later)) <= SAFE_RATE[0] * 0.1 + 1e-9)
     assert later[-1] != before, "it never left the last command"
-    # The one that comes takes over from there (seen at the actuators: the recorder may find it a moment later). What it
-    # may do at once: a tick's way to the safe command (0.52), q, which it meets again (0.3), noise (0.2); limit: 10.5.
+    # The one that comes takes over from there (seen at the actuators: the recorder may find it a moment later). A
+    # tick's way to the safe command is 0.52; the rate limit would allow 10.5.
     f_n = series["fault/compressor_speed:compressor"]
     moved = np.abs(np.diff(series["actuator/command:compressor"] - f_n))
-    assert np.nanmax(moved[died - 5 : died + 45]) < 1.0
+    assert np.nanmax(moved[died - 5 : died + 45]) < 0.7
 
 
 @pytest.mark.parametrize("node", [INJECTOR, SCENARIO])
 def test_without_injector_or_scenario_commands_go_on(node: str, ordeal: Ordeal) -> None:
     died = ordeal.died[node]
-    assert len(ordeal.missing(SPEED, died, died + 28)) <= ordeal.stalls
+    assert ordeal.missed_commands(died, died + 28) == 0
 
 
 def test_without_an_injector_the_plant_goes_to_the_safe_command_by_itself(ordeal: Ordeal) -> None:
