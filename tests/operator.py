@@ -1,16 +1,16 @@
 """Somebody who works with a running graph, as with the `ros2` command."""
 
 import os
+from contextlib import ExitStack
 from typing import Any, Self
 
-import rclpy
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import SetParameters
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
+from bringup.ros.guest import guest
 from bringup.ros.processes import ros_environment
 
 
@@ -19,11 +19,8 @@ class Operator:
 
     def __init__(self) -> None:
         os.environ.update(ros_environment())
-        self._context = rclpy.Context()
-        rclpy.init(context=self._context, args=[])
-        self._node = rclpy.create_node("operator", context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
+        self._stack = ExitStack()
+        self._node, self._executor = self._stack.enter_context(guest("operator"))
 
     def call(self, type_: Any, name: str, request: Any) -> Any:
         client = self._node.create_client(type_, name)
@@ -49,6 +46,4 @@ class Operator:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._executor.shutdown()
-        self._node.destroy_node()
-        self._context.try_shutdown()
+        self._stack.close()

@@ -9,20 +9,18 @@ import struct
 import threading
 import time
 from collections.abc import Callable, Coroutine, Iterable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from itertools import zip_longest
 from typing import Any
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import ParameterEvent
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from std_srvs.srv import SetBool
 
@@ -32,6 +30,7 @@ from bringup.errors import BringupError, one_line
 from bringup.recording import StatusRow
 from bringup.ros.cdr import read_diagnostics, stamp_ns, status_row, value_offsets
 from bringup.ros.graph import ACTIVATION_ORDER
+from bringup.ros.guest import guest
 from bringup.ros.inputs import Gate, Subscriptions
 from bringup.ros.messages import message_class
 from bringup.ros.node_shell import PLAIN_QOS
@@ -149,14 +148,9 @@ class Link:
         self._moving = False  # whether nodes are being paused or resumed
         self._ends = threading.Event()
         self._reconfiguring: threading.Thread | None = None
-        self._context = rclpy.Context()
-        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO, args=[], domain_id=domain)
-        self._node = rclpy.create_node(
-            PAGE, namespace=NAMESPACE, context=self._context, start_parameter_services=False, enable_rosout=False
-        )
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        self._loop = Subscriptions(self._context, True, self._take)
+        self._stack = ExitStack()
+        self._node, self._executor = self._stack.enter_context(guest(PAGE, NAMESPACE, domain))
+        self._loop = Subscriptions(self._node.context, True, self._take)
         self._readers: list[Callable[[bytes], None]] = []
         for name in TOPIC_NAMES:
             topic = BY_NAME[name]
@@ -174,9 +168,7 @@ class Link:
         """End the thread and the node."""
         self._ends.set()
         self._thread.join()
-        self._executor.shutdown()
-        self._node.destroy_node()
-        self._context.try_shutdown()
+        self._stack.close()
 
     # -- what there is to see -----------------------------------------------------------------------------------
 

@@ -134,22 +134,15 @@ def find_or_start(point: str = "med") -> tuple[int, OwnGraph | None]:
 
 def _is_running(domain: int, patience_s: float) -> bool:
     """Whether the plant of a graph is to be seen in a ROS domain within a while."""
-    import rclpy
-    from rclpy.signals import SignalHandlerOptions
+    from bringup.ros.guest import guest
 
     if domain not in range(233):
         return False
     os.environ.update(ros_environment())
-    context = rclpy.Context()
-    rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO, args=[], domain_id=domain)
-    node = rclpy.create_node("acftc_dash_look", context=context, start_parameter_services=False, enable_rosout=False)
-    try:
+    with guest("acftc_dash_look", domain=domain) as (node, _executor):
         until = time.monotonic() + patience_s
         while time.monotonic() < until:
             if PLANT in node.get_node_names():
                 return True
             time.sleep(0.05)
         return False
-    finally:
-        node.destroy_node()
-        context.try_shutdown()

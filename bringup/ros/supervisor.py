@@ -5,21 +5,20 @@ import math
 import os
 import time
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import ExitStack
 from dataclasses import asdict
 from typing import Any, Self
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import ParameterEvent
 from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
-from rclpy.signals import SignalHandlerOptions
 
 from bringup.errors import RunError
 from bringup.ros.definitions import type_hash
+from bringup.ros.guest import guest
 from bringup.ros.node_shell import PLAIN_QOS
 from bringup.ros.own_nodes import OwnNodes
 from bringup.ros.processes import Child
@@ -69,23 +68,13 @@ class Supervisor:
         self.strangers: list[str] = []  # what is in the graph and does not belong there
         self.health: dict[str, dict[str, str]] = {}
         self._replies: dict[tuple[str, int], Any] = {}
-        # The middleware reads its settings from this process's environment; the domain is given to it directly, so that
-        # the next run in this process is free to choose again.
+        # The middleware reads its settings from this process's environment.
         domain = environment.get("ROS_DOMAIN_ID")
         os.environ.update({name: value for name, value in environment.items() if name != "ROS_DOMAIN_ID"})
-        self._context = rclpy.Context()
-        # Signals stay Python's: bringup must not lose its middleware before it has stopped the nodes.
-        rclpy.init(
-            context=self._context,
-            signal_handler_options=SignalHandlerOptions.NO,
-            args=[],
-            domain_id=None if domain is None else int(domain),
+        self._stack = ExitStack()
+        self.node, self._executor = self._stack.enter_context(
+            guest(BRINGUP, NAMESPACE, None if domain is None else int(domain))
         )
-        self.node = rclpy.create_node(
-            "bringup", namespace=NAMESPACE, context=self._context, start_parameter_services=False, enable_rosout=False
-        )
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self.node)
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._heard, PLAIN_QOS)
         self.node.create_subscription(ParameterEvent, "/parameter_events", self._parameters_changed, PLAIN_QOS)
         self._diagnostics = self.node.create_publisher(DiagnosticArray, "/diagnostics", PLAIN_QOS)
@@ -97,9 +86,7 @@ class Supervisor:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._executor.shutdown()
-        self.node.destroy_node()
-        self._context.try_shutdown()
+        self._stack.close()
 
     # -- steps --------------------------------------------------------------------------------------------------
 

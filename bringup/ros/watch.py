@@ -5,27 +5,28 @@ import struct
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field
 from typing import Any, Self
 
-import rclpy
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
 
 from bringup.bags.reader import decode
 from bringup.errors import shortened
 from bringup.ros.cdr import read_diagnostics
+from bringup.ros.guest import guest
 from bringup.ros.messages import message_class
 from bringup.ros.processes import ros_environment
 from bringup.topics import BY_NAME, DIAGNOSTICS, NAMESPACE
 
+#: The name of the node that looks.
+NAME = "acftc_topics"
 #: The rate is that of the messages of so many seconds.
 RATE_WINDOW_S = 2.0
 #: Topics come and go: looked for so often, s.
 LOOK_S = 0.5
 
-#: Depth of one: who only looks must never hold a publisher up; the newest value is enough.
+#: Who only looks must never hold a publisher up.
 QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
@@ -46,13 +47,8 @@ class Watch:
 
     def __init__(self) -> None:
         os.environ.update(ros_environment())
-        self._context = rclpy.Context()
-        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO, args=[])
-        self._node = rclpy.create_node(
-            "acftc_topics", context=self._context, start_parameter_services=False, enable_rosout=False
-        )
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
+        self._stack = ExitStack()
+        self._node, self._executor = self._stack.enter_context(guest(NAME))
         self._arrivals: dict[str, deque[float]] = {}
         self._newest: dict[str, bytes] = {}
         self._types: dict[str, str] = {}
@@ -61,9 +57,7 @@ class Watch:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._executor.shutdown()
-        self._node.destroy_node()
-        self._context.try_shutdown()
+        self._stack.close()
 
     def spin(self, duration_s: float) -> None:
         """Take messages for a while."""
@@ -116,7 +110,7 @@ class Watch:
             rate_hz=round(rate, 1),
             value=self._value(name),
             publishers=_nodes(self._node.get_publishers_info_by_topic(name)),
-            subscribers=[n for n in _nodes(self._node.get_subscriptions_info_by_topic(name)) if n != "acftc_topics"],
+            subscribers=[n for n in _nodes(self._node.get_subscriptions_info_by_topic(name)) if n != NAME],
         )
 
     def _value(self, name: str) -> str:
