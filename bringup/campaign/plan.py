@@ -4,7 +4,8 @@ import random
 from dataclasses import dataclass
 from typing import Literal
 
-from bringup.scenario import Scenario, check
+from bringup.scenario import check
+from bringup.scenario_schema import Scenario
 from bringup.topics import COMPENSATOR, CONTROLLER, FDI, INJECTOR, RECORDER, SCENARIO
 
 ProcessFaultKind = Literal["kill", "stop"]
@@ -132,7 +133,7 @@ def _process_faults(rng: random.Random, last_s: float) -> tuple[ProcessFault, ..
     found = []
     at_s = START_S + rng.uniform(0.0, 2.0)
     victims = list(VICTIMS)
-    while at_s < last_s and victims:
+    while round(at_s, 1) < last_s and victims:
         node = victims.pop(rng.randrange(len(victims)))
         kind: ProcessFaultKind = "kill" if rng.random() < 0.6 else "stop"
         lasts_s = round(rng.uniform(0.5, 5.0), 1) if kind == "stop" else 0.0

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from bringup.campaign.checks import CHECKS, REASONS, Evidence, Limits, judge
@@ -37,6 +37,7 @@ PRESSURE, COMMAND = "measured/evaporator_pressure", "actuator/command"
 
 @settings(deadline=None)
 @given(seed=st.integers(0, 2**31 - 1), duration_s=st.floats(12.0, 60.0))
+@example(seed=199059, duration_s=52.875)  # a fault that rounding would put behind the last moment for one
 def test_a_seed_always_picks_the_same_and_what_it_picks_can_be_run(seed: int, duration_s: float) -> None:
     chosen = plan(seed, duration_s)
     assert chosen == plan(seed, duration_s)

@@ -50,7 +50,7 @@ def test_sampling_error_is_the_definition() -> None:
     grid = np.linspace(1e-3, w, 4000)
     exact = np.abs((1 - np.exp(-h / 10)) / (np.exp(1j * grid * h) - np.exp(-h / 10)) - 1 / (10j * grid + 1)).max()
     assert sampling_error(lag, zoh) == pytest.approx(exact, rel=1e-2)
-    assert exact >= at_top
+    assert exact >= at_top * (1.0 - 1e-12)  # the grid's last point is the top
     foh = np.abs(np.sinc(grid * h / (2 * np.pi)) ** -2 - 1)  # of a triangle's spectrum, aliases left out
     assert sampling_error(lag, discretise(lag, h, "foh")) < min(exact, foh.max())
 
