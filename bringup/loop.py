@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from bringup.errors import RunError
 from bringup.recording import AS_USUAL, Recording, StatusRow
-from bringup.scenario import Scenario, program
+from bringup.scenario import program
+from bringup.scenario_schema import Scenario
 from bringup.software import software
 from bringup.topics import COMPENSATOR, CONTROLLER, SERIES
 

@@ -15,7 +15,7 @@ from bringup.live_offset import LiveOffset
 from bringup.rest import rest_at
 from bringup.ros.node_shell import NodeShell, run_node
 from bringup.ros.parameters import MODE, RUN_START, Parameter
-from bringup.scenario import Air, References, targets_within
+from bringup.scenario_schema import Air, References, targets_within
 from bringup.topics import SCENARIO
 from bringup.units import KPA
 

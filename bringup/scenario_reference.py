@@ -12,7 +12,8 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from bringup.profiles import PROFILE_KEYS, unit_profile
-from bringup.scenario import (
+from bringup.scenario import built_in_scenarios, load
+from bringup.scenario_schema import (
     Air,
     Change,
     CompressorSpeedFault,
@@ -22,8 +23,6 @@ from bringup.scenario import (
     References,
     Scenario,
     TargetsWithin,
-    built_in_scenarios,
-    load,
 )
 
 _PROFILE_DEFAULTS = {
@@ -79,7 +78,7 @@ def text() -> str:
     parts = [
         "# Scenarios",
         "",
-        "<!-- Written by `python -m bringup.scenario_reference`; edit `bringup/scenario.py` instead. -->",
+        "<!-- Written by `python -m bringup.scenario_reference`; edit `bringup/scenario_schema.py` instead. -->",
         "",
         "A scenario is a YAML file. Every quantity has its unit in its key; references and air are changes from the",
         "operating point, so one file serves all three. `acftc run FILE` and `acftc simulate FILE` take it, and `--set",

@@ -25,7 +25,8 @@ from bringup.recording import Recording, StatusRow
 from bringup.ros.cdr import NANOSECONDS, columns, read_diagnostics, stamp_ns, stamps_ns, status_row
 from bringup.ros.health import health_of
 from bringup.ros.restarts import read_restarts
-from bringup.scenario import Scenario, check
+from bringup.scenario import check
+from bringup.scenario_schema import Scenario
 from bringup.topics import BRINGUP, BY_NAME, DIAGNOSTICS, NAMESPACE, OCCASIONAL, PLANT, Topic
 
 _SCHEMA, _CHANNEL, _MESSAGE = 0x03, 0x04, 0x05

@@ -14,7 +14,7 @@ from bringup.ros.cdr import restamped, stamp_ns
 from bringup.ros.graph import node_arguments, node_parameters
 from bringup.ros.modules import MODULES
 from bringup.ros.processes import Child, Domain, ros_environment, start, stop
-from bringup.scenario import Scenario
+from bringup.scenario_schema import Scenario
 from bringup.software import plant, same_plant
 from bringup.topics import PLANT, RECORDER, TOPICS, Topic
 

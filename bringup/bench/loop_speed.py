@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from ac_plant_node import Plant
 from bringup.loop import designs_at, simulate
 from bringup.recording import Recording
-from bringup.scenario import Scenario, load
+from bringup.scenario import load
+from bringup.scenario_schema import Scenario
 
 SCENARIO = "both_faults"
 NOISE = "noise={evaporator_pressure_kpa: 0.2, superheat_k: 0.1, wall_temperature_k: 0.05}"

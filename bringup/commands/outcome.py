@@ -9,7 +9,7 @@ from bringup.errors import BringupError, one_line
 
 if TYPE_CHECKING:
     from bringup.recording import Recording
-    from bringup.scenario import Scenario
+    from bringup.scenario_schema import Scenario
 
 
 def load_scenario(scenario: str, overrides: tuple[str, ...], passive: bool) -> "Scenario":

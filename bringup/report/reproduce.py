@@ -21,7 +21,8 @@ from bringup.report.reproduce_page import page
 from bringup.report.stills import draw
 from bringup.report.verdicts import AGREES, DIFFERS, Experiment, Finding, at_least, at_most, near, noted, toward
 from bringup.sample_time import DEFAULT_SAMPLE_TIME_S
-from bringup.scenario import Air, Scenario, load
+from bringup.scenario import load
+from bringup.scenario_schema import Air, Scenario
 from bringup.summary import summarise
 from bringup.units import KPA, RPM
 

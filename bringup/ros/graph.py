@@ -23,7 +23,7 @@ from bringup.ros.own_nodes import OwnNodes
 from bringup.ros.processes import Child, Domain, ros_environment, start, stop
 from bringup.ros.restarts import Restart
 from bringup.ros.shared_memory import sweep
-from bringup.scenario import Scenario
+from bringup.scenario_schema import Scenario
 from bringup.software import software
 from bringup.topics import (
     COMPENSATOR,

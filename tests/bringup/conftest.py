@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from bringup.recording import Recording, StatusRow
-from bringup.scenario import Scenario, check, program
+from bringup.scenario import check, program
+from bringup.scenario_schema import Scenario
 from bringup.topics import SERIES
 from bringup.units import KPA, RPM
 

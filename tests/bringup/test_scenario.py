@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from bringup.errors import BringupError
 from bringup.profiles import PROFILES, unit_profile
-from bringup.scenario import Scenario, built_in_scenarios, check, load, program, to_yaml
+from bringup.scenario import built_in_scenarios, check, load, program, to_yaml
+from bringup.scenario_schema import Scenario
 from bringup.units import KPA, RPM
 from fault_injector_node.live import LiveFault, Shape
 

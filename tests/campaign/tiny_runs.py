@@ -19,7 +19,8 @@ from bringup.bags.reader import read_bag
 from bringup.loop import simulate
 from bringup.ros.graph import run_graph
 from bringup.ros.shared_memory import SHARED_MEMORY
-from bringup.scenario import Scenario, check
+from bringup.scenario import check
+from bringup.scenario_schema import Scenario
 from bringup.summary import summarise, write_summary
 
 #: What resident memory may grow by after the warm-up, MB: the allocator's own play.

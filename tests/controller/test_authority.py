@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bringup.loop import designs_at, simulate
 from bringup.recording import Recording
-from bringup.scenario import Scenario
+from bringup.scenario_schema import Scenario
 from bringup.units import KPA, RPM
 from gimc_controller_node import Compensator
 from gimc_controller_node.authority import (

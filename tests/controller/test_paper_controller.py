@@ -5,7 +5,8 @@ from typing import get_args
 import pytest
 
 from bringup.loop import simulate
-from bringup.scenario import Scenario, load
+from bringup.scenario import load
+from bringup.scenario_schema import Scenario
 from bringup.summary import summarise
 from gimc_controller_node import CONTROLLERS
 

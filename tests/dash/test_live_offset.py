@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bringup.live_offset import LiveOffset
-from bringup.scenario import Air, Change, References, _moves, targets_within
+from bringup.scenario import _moves
+from bringup.scenario_schema import Air, Change, References, targets_within
 
 SAMPLE_TIME_S = 0.1
 

@@ -22,7 +22,8 @@ with atheris.instrument_imports(include=["bringup", "yaml"]):
     from bringup.recording import StatusRow
     from bringup.ros.cdr import columns, packer, read_diagnostics, status_row
     from bringup.ros.messages import BadMessage, message_class, reader
-    from bringup.scenario import BUILT_IN, Scenario, load
+    from bringup.scenario import BUILT_IN, load
+    from bringup.scenario_schema import Scenario
     from bringup.topics import DIAGNOSTICS, TOPICS
 
 from rclpy.serialization import deserialize_message

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import pytest
 
 from bringup.ros.graph import GraphRun, run_graph
-from bringup.scenario import Scenario, check
+from bringup.scenario import check
+from bringup.scenario_schema import Scenario
 from tests.operator import Operator
 
 #: Two faults, noise and a moving reference within 12 s: every part of the loop has something to do.

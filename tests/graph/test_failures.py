@@ -16,7 +16,8 @@ from bringup.ros import supervisor
 from bringup.ros.graph import _prepare, run_graph
 from bringup.ros.own_nodes import own_nodes
 from bringup.ros.processes import Domain, start, stop
-from bringup.scenario import Scenario, load
+from bringup.scenario import load
+from bringup.scenario_schema import Scenario
 from tests.processes import processes_that_mention
 
 pytestmark = pytest.mark.ros

@@ -13,7 +13,7 @@ from bringup.bags.reader import RawBag, read_bag, read_raw
 from bringup.loop import simulate
 from bringup.recording import StatusRow
 from bringup.ros.graph import GraphRun, run_graph
-from bringup.scenario import Scenario
+from bringup.scenario_schema import Scenario
 from bringup.topics import SERIES, TOPICS
 
 pytestmark = pytest.mark.ros

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from bringup.bags.reader import read_bag
 from bringup.loop import simulate
 from bringup.ros.graph import run_graph
-from bringup.scenario import Scenario, built_in_scenarios, check, load
+from bringup.scenario import built_in_scenarios, check, load
+from bringup.scenario_schema import Scenario
 from bringup.units import RPM
 from gimc_controller_node import Controller, design_controller
 from gimc_controller_node.fallback import FallbackController
