@@ -30,10 +30,11 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").r
 def test_readme_has_the_two_commands_first() -> None:
     assert COMMANDS[:2] == [
         "python3 start.py acftc run actuator_fault --out results/actuator_fault --force",
-        "python3 start.py pytest",
+        "python3 start.py pytest -n 2",
     ]
 
 
+@pytest.mark.ros
 @pytest.mark.parametrize("command", [c for c in COMMANDS if c.split()[2] not in ("pytest", "mkdocs")])
 def test_readme_command_runs(command: str, tmp_path: Path) -> None:
     """What `start.py` does when the environment is there: run a program of it, here, with these arguments."""
