@@ -11,7 +11,6 @@ AT_THE_EDGE = {
     "bringup/bench/bare_chain.py",
     "bringup/bench/recovery.py",
     "bringup/dash/link.py",
-    "bringup/dash/own_graph.py",
     "bringup/dash/reconfigure.py",
 }
 

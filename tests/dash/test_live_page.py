@@ -45,8 +45,8 @@ def page(browser: Browser) -> Iterator[Page]:
         page.on("websocket", lambda opened: page.asked.append(opened.url))
         page.on("pageerror", lambda error: page.complaints.append(str(error)))
         page.on("console", lambda said: page.complaints.append(said.text) if said.type == "error" else None)
-        page.goto(url)
         # On a machine that has never been there, code has to be compiled and designs to be made first.
+        page.goto(url, timeout=FIRST_TIME_S * 1e3)
         expect(lamp(page, "phase")).to_have_text("running", timeout=FIRST_TIME_S * 1e3)
         until(lambda: newest(page, "t") > 0.0, "no row has come")
         yield page
@@ -255,7 +255,7 @@ def test_a_plant_of_your_own(browser: Browser, own_plant: Path) -> None:
     """Plant, designs and the page's diagram are those of the file that `--plant` names."""
     with acftc("--plant", str(own_plant), "dash", "--no-browser", domain=DOMAIN + 2) as (url, _):
         page = new_page(browser)
-        page.goto(url)
+        page.goto(url, timeout=FIRST_TIME_S * 1e3)
         expect(lamp(page, "phase")).to_have_text("running", timeout=FIRST_TIME_S * 1e3)
         until(lambda: math.isclose(newest(page, "p_e"), 265.0, abs_tol=0.5), "not at rest at the car's medium point")
         assert newest(page, "p_e_reference") == pytest.approx(265.0)
