@@ -118,9 +118,11 @@ def leave(code: int) -> NoReturn:
 
     Its destructors of static objects have been seen to spin for ever, and to crash, when a message was under way.
     """
-    with contextlib.suppress(OSError):  # what is written to is on a disk that is full, or gone
+    try:
         sys.stdout.flush()
         sys.stderr.flush()
+    except OSError:  # what is written to is on a disk that is full, or gone
+        code = code or 1
     os._exit(code)
 
 
