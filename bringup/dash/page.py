@@ -78,8 +78,9 @@ def make_page(link: Link, problem: Callable[[], str]) -> Callable[[Document], No
         document.template = template
         document.template_variables["keys"] = {key.name: key for key in keys()}
         page = _Page(link, problem)
-        for root in page.roots:
-            document.add_root(root)
+        with document.models.freeze():  # Bokeh would look through all models again with each root: seconds
+            for root in page.roots:
+                document.add_root(root)
         document.js_on_event("connection_lost", CustomJS(code="document.getElementById('lost').hidden = false"))
         page.update()
         document.add_periodic_callback(page.update, UPDATE_MS)

@@ -40,6 +40,12 @@ POLICY = (
 )
 
 
+#: What of Bokeh's scripts the page needs. With tables, formulas and WebGL a browser has thrice as much to read.
+SCRIPTS: list[Any] = ["bokeh", "bokeh-widgets"]
+#: How long a page may take from its first line to its web socket, ms; then it has to be made anew.
+OPENING_MS = 60_000
+
+
 @dataclass(frozen=True)
 class Door:
     """Who is let in.
@@ -183,6 +189,7 @@ def serve(address: Address, link: Any, problem: Any = lambda: "") -> None:
 
     from bokeh.application import Application
     from bokeh.application.handlers.function import FunctionHandler
+    from bokeh.resources import Resources
     from bokeh.server.server import BaseServer
     from bokeh.server.tornado import BokehTornado
     from tornado.httpserver import HTTPServer
@@ -190,14 +197,19 @@ def serve(address: Address, link: Any, problem: Any = lambda: "") -> None:
 
     from bringup.dash.page import make_page
 
+    class App(BokehTornado):
+        def resources(self, absolute_url: str | bool | None = None) -> Resources:
+            return super().resources(absolute_url).clone(components=SCRIPTS)
+
     for name in ("bokeh", "tornado.access"):  # who comes and goes is nobody's business
         logging.getLogger(name).setLevel(logging.ERROR)
-    tornado_app = BokehTornado(
+    tornado_app = App(
         {"/": Application(FunctionHandler(make_page(link, problem)))},
         extra_websocket_origins=["*"],  # the gate has looked at the origin, and more strictly
         transforms=[_headers()],
         websocket_max_message_size_bytes=1 << 20,
         stats_log_frequency_milliseconds=3_600_000,
+        unused_session_lifetime_milliseconds=OPENING_MS,
         default_host=None,
     )
     http = HTTPServer(_gate(tornado_app, address.door))

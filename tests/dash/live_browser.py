@@ -25,7 +25,7 @@ FLAGS = [
     "--disable-sync",
 ]
 #: How long anything may take on a busy machine, s; nothing is judged by it.
-PATIENCE_S = 60.0
+PATIENCE_S = 180.0
 #: How long the page may show no row.
 BETWEEN_S = 2.0
 
