@@ -9,8 +9,12 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import pytest
 from hypothesis import settings
 
+from tests.domains import OWN
+
 #: What pytest-xdist calls a process of its own.
 WORKER = "PYTEST_XDIST_WORKER"
+#: Markers of the tests that go one after the other. Those on the clock first: who steps back stays there.
+GRAPHS = ("clock", "ros")
 
 # The first call of much takes its time: a compiled function, a message of a type, a file from the disk.
 settings.register_profile("here", deadline=None)
@@ -19,24 +23,27 @@ settings.load_profile("here")
 
 @pytest.hookimpl(tryfirst=True)  # before pytest-xdist looks for groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """With `-n 2` the tests with processes of the graph go one after the other, those without beside them, by files."""
-    for item in items:
-        item.add_marker(pytest.mark.xdist_group("ros" if _is_ros(item) else str(item.path)))
+    """With `-n 2` graphs on the wall clock go one after the other, all other graphs likewise, the rest by files."""
+    if WORKER in os.environ:
+        items.sort(key=lambda item: (not _is(item, "clock"), not _is(item, "ros")))
+        for item in items:
+            group = next((kind for kind in GRAPHS if _is(item, kind)), str(item.path))
+            item.add_marker(pytest.mark.xdist_group(group))
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Let the processes of the graph, which keep to the clock, go before the mathematics of the other worker."""
-    if WORKER in os.environ and not _is_ros(item):
+    """Let processes that keep to the clock go before whatever the other worker does."""
+    if WORKER in os.environ and not _is(item, "clock"):
         os.setpriority(os.PRIO_PROCESS, 0, 10)
 
 
-def _is_ros(item: pytest.Item) -> bool:
-    return item.get_closest_marker("ros") is not None
+def _is(item: pytest.Item, kind: str) -> bool:
+    return item.get_closest_marker(kind) is not None
 
 
 @pytest.fixture(scope="session", autouse=True)
 def _own_domain() -> Iterator[None]:
-    """Keep out of the way of whatever else runs on this machine: domains 10 to 99, one for each process."""
+    """Keep out of the way of whatever else runs on this machine."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ROS_DOMAIN_ID", str(10 + os.getpid() % 90))
+        patch.setenv("ROS_DOMAIN_ID", str(OWN))
         yield

@@ -217,6 +217,7 @@ def test_a_run_that_cannot_begin_is_no_broken_promise(tmp_path: Path, monkeypatc
 
 
 @pytest.mark.ros
+@pytest.mark.clock
 @pytest.mark.slow
 def test_one_seed_through_the_graph_keeps_its_promises(tmp_path_factory: pytest.TempPathFactory) -> None:
     outcome = run_seed(1, tmp_path_factory.mktemp("campaign"), 18.0)

@@ -137,6 +137,7 @@ def test_a_bag_of_many_chunks_keeps_its_index_on_disk_and_has_all_of_it_at_the_e
 
 
 @pytest.mark.ros
+@pytest.mark.clock
 @pytest.mark.slow
 def test_a_long_run_shortened(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`python -m bringup.bench.endurance` in full: two hours at 50 Hz. Here: the bag, and no node that swells."""

@@ -132,6 +132,7 @@ def test_shared_memory_of_a_killed_process_is_swept_and_that_of_a_living_one_is_
 
 
 @pytest.mark.ros
+@pytest.mark.clock
 def test_a_clock_that_jumps_does_not_disturb_a_run(tmp_path: Path) -> None:
     """The wall clock of every node goes back an hour in the middle of a realtime run; ticks keep to the other clock."""
     (tmp_path / "sitecustomize.py").write_text(JUMP)

@@ -17,14 +17,14 @@ from playwright.sync_api import Browser, Locator, Page, expect
 from bringup.bags.reader import read_bag
 from bringup.rest import rest_at
 from bringup.units import KPA
+from tests.domains import OWN
 
 expect.set_options(timeout=PATIENCE_S * 1e3)
 #: How long compiling the plant, or a point's synthesis, may take where neither is in the cache yet, s.
 FIRST_TIME_S = 500.0
-pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(2 * FIRST_TIME_S)]
+pytestmark = [pytest.mark.ros, pytest.mark.clock, pytest.mark.slow, pytest.mark.timeout(2 * FIRST_TIME_S)]
 
 ROOT = Path(__file__).parents[2]
-DOMAIN = 20 + os.getpid() % 20
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def browser() -> Iterator[Browser]:
 @pytest.fixture(scope="module")
 def page(browser: Browser) -> Iterator[Page]:
     """One page with a graph of its own, and all that the browser asked anybody for."""
-    with acftc("dash", "--no-browser", domain=DOMAIN) as (url, process):
+    with acftc("dash", "--no-browser", domain=OWN) as (url, process):
         page = new_page(browser)
         page.server = process.pid
         page.asked = []
@@ -253,7 +253,7 @@ def test_nothing_sticks_out_of_the_page_or_lies_upon_another(page: Page, width: 
 
 def test_a_plant_of_your_own(browser: Browser, own_plant: Path) -> None:
     """Plant, designs and the page's diagram are those of the file that `--plant` names."""
-    with acftc("--plant", str(own_plant), "dash", "--no-browser", domain=DOMAIN + 2) as (url, _):
+    with acftc("--plant", str(own_plant), "dash", "--no-browser", domain=OWN + 2) as (url, _):
         page = new_page(browser)
         page.goto(url, timeout=FIRST_TIME_S * 1e3)
         expect(lamp(page, "phase")).to_have_text("running", timeout=FIRST_TIME_S * 1e3)
@@ -270,7 +270,7 @@ def test_a_plant_of_your_own(browser: Browser, own_plant: Path) -> None:
 
 def test_run_with_a_page_beside_it(browser: Browser, tmp_path: Path) -> None:
     arguments = ("run", "nominal", "--set", "duration_s=3600", "--mode", "realtime", "--dash", "--out", str(tmp_path))
-    with acftc(*arguments, domain=DOMAIN + 1) as (url, process):
+    with acftc(*arguments, domain=OWN + 1) as (url, process):
         page = new_page(browser)
         page.goto(url)
         until(lambda: newest(page, "t") > 0.0, "no row has come")

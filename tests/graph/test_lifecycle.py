@@ -77,6 +77,7 @@ def test_a_transition_that_a_state_does_not_have_is_refused_and_nobody_dies(tmp_
         stop([child])
 
 
+@pytest.mark.clock
 def test_plant_goes_on_after_a_pause(tmp_path: Path) -> None:
     """Deactivated and activated again, as from `ros2 lifecycle`, the loop takes up where it was."""
     paused: list[int] = []

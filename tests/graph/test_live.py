@@ -58,6 +58,7 @@ def test_unknown_profile_is_refused() -> None:
 
 
 @pytest.mark.ros
+@pytest.mark.clock
 def test_fault_is_started_changed_and_stopped_in_a_running_graph(operator: Operator, tmp_path: Path) -> None:
     done: list[str] = []
 
@@ -90,6 +91,7 @@ def test_fault_is_started_changed_and_stopped_in_a_running_graph(operator: Opera
 
 
 @pytest.mark.ros
+@pytest.mark.clock
 def test_table_of_topics_shows_the_running_loop(tmp_path: Path) -> None:
     seen: dict[str, dict[str, Any]] = {}
 
@@ -109,6 +111,7 @@ def test_table_of_topics_shows_the_running_loop(tmp_path: Path) -> None:
 
 
 @pytest.mark.ros
+@pytest.mark.clock
 def test_realtime_keeps_to_the_wall_clock(tmp_path: Path) -> None:
     run = run_graph(load("nominal", ["duration_s=3"]), tmp_path, mode="realtime", care=True)
     assert run.ticks == 30

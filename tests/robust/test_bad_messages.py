@@ -136,6 +136,7 @@ BROKEN: list[tuple[str, dict[str, Any], str]] = [
 
 
 @pytest.mark.ros
+@pytest.mark.clock
 def test_broken_messages_are_refused_each_with_its_reason_and_the_loop_goes_on(loop: Surroundings) -> None:
     commands = []
     for name, fields, _ in BROKEN:
@@ -154,6 +155,7 @@ def test_broken_messages_are_refused_each_with_its_reason_and_the_loop_goes_on(l
 
 
 @pytest.mark.ros
+@pytest.mark.clock
 def test_missing_double_and_late_messages_are_counted_and_do_no_harm(loop: Surroundings) -> None:
     before = loop.health()
     calm = loop.tick(n=2)[-1]
@@ -175,6 +177,7 @@ def test_missing_double_and_late_messages_are_counted_and_do_no_harm(loop: Surro
 
 
 @pytest.mark.ros
+@pytest.mark.clock
 def test_measurement_that_stays_away_is_held_then_the_safe_command_is_sent(loop: Surroundings) -> None:
     loop.tick(n=3)
     commands = loop.tick(in_place_of(P_E, loop=loop), n=12)
@@ -185,6 +188,7 @@ def test_measurement_that_stays_away_is_held_then_the_safe_command_is_sent(loop:
 
 
 @pytest.mark.ros
+@pytest.mark.clock
 def test_frozen_measurement_counts_as_missing(loop: Surroundings) -> None:
     def sticking(topic: str) -> list[Any]:
         moving = [20.0 + 0.1 * (loop._tick % 10)]

@@ -24,7 +24,7 @@ from bringup.topics import COMPENSATOR, CONTROLLER, FDI, INJECTOR, PLANT, RECORD
 from tests.operator import Operator
 from tests.processes import processes_that_mention
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.clock]
 
 FAULTY = {
     "name": "faulty",

@@ -15,7 +15,7 @@ from bringup.ros.graph import run_graph
 from bringup.ros.own_nodes import own_nodes
 from bringup.scenario import check
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.clock]
 
 SCENARIO = {
     "name": "lossy",

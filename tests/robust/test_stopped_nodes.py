@@ -16,7 +16,7 @@ from bringup.safe_command import SAFE_RATE
 from bringup.scenario import load
 from bringup.topics import COMPENSATOR, CONTROLLER, FDI, INJECTOR, PLANT
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.clock]
 
 STOP_S = 5.0
 

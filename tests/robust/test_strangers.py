@@ -14,7 +14,7 @@ from bringup.ros.graph import run_graph
 from bringup.ros.processes import ros_environment
 from bringup.scenario import load
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.clock]
 
 #: Publishes commands of a full-speed compressor with the right stamps, text where pressures belong, and temperatures
 #: that claim to be of another version of their type: the hash that the middleware announces is changed in memory.
