@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from bringup.errors import shortened
 from bringup.units import RPM
 
 EPA_PAGE = "https://www.epa.gov/vehicle-and-fuel-emissions-testing/dynamometer-drive-schedules"
@@ -89,11 +90,12 @@ def load_drive_cycle(path: str | Path) -> DriveCycle:
         not two numbers, times that do not increase, a negative or absurd speed.
     """
     file = Path(path)
+    shown = f"drive cycle {shortened(file, 200)}"
     try:
         lines = file.read_text(encoding="utf-8-sig", errors="replace").splitlines()
     except OSError as error:
         reason = "no such file" if isinstance(error, FileNotFoundError) else error.strerror
-        raise ValueError(f"drive cycle {file}: {reason}; the EPA publishes SC03 and others at {EPA_PAGE}") from error
+        raise ValueError(f"{shown}: {reason}; the EPA publishes SC03 and others at {EPA_PAGE}") from error
     unit = MPH
     rows: list[tuple[float, float]] = []
     for number, line in enumerate(lines, 1):
@@ -105,16 +107,16 @@ def load_drive_cycle(path: str | Path) -> DriveCycle:
             time, speed = (float(cell) for cell in cells)
         except ValueError:
             if rows:
-                raise ValueError(f"drive cycle {file}: line {number} is not two numbers: {text[:40]!r}") from None
-            unit = _unit(text, unit, f"drive cycle {file}: line {number}")
+                raise ValueError(f"{shown}: line {number} is not two numbers: {text[:40]!r}") from None
+            unit = _unit(text, unit, f"{shown}: line {number}")
             continue
         if not (np.isfinite(time) and 0.0 <= speed * unit <= 100.0):
-            raise ValueError(f"drive cycle {file}: line {number} has speed {speed:g}, allowed are 0 to 100 m/s")
+            raise ValueError(f"{shown}: line {number} has speed {speed:g}, allowed are 0 to 100 m/s")
         if rows and time <= rows[-1][0]:
-            raise ValueError(f"drive cycle {file}: time does not increase at line {number}")
+            raise ValueError(f"{shown}: time does not increase at line {number}")
         rows.append((time, speed * unit))
     if len(rows) < 2:
-        raise ValueError(f"drive cycle {file}: fewer than two lines of data")
+        raise ValueError(f"{shown}: fewer than two lines of data")
     table = np.array(rows)
     return DriveCycle(table[:, 0] - table[0, 0], table[:, 1])
 

@@ -59,6 +59,9 @@ def test_a_missing_file_says_where_to_get_it(tmp_path):
     with pytest.raises(ValueError, match=r"no such file; the EPA publishes .*https://www\.epa\.gov") as info:
         load_drive_cycle(tmp_path / "sc03.csv")
     assert "\n" not in str(info.value)
+    with pytest.raises(ValueError, match="EPA publishes") as info:
+        load_drive_cycle(tmp_path / ("9" * 5000))
+    assert len(str(info.value)) < 500
 
 
 def test_driveline(tmp_path):
