@@ -1,6 +1,5 @@
 """Parameter files and tables of operating points that users write: their schema, and one line for what is wrong."""
 
-import difflib
 from collections.abc import Mapping
 from dataclasses import asdict
 from functools import cache
@@ -20,7 +19,7 @@ from ac_plant_node.parameters import (
     shipped,
 )
 from ac_plant_node.tables import REFRIGERANTS
-from bringup.errors import shortened
+from bringup.errors import nearest, shortened
 from bringup.yaml_file import parsed, text_of
 
 
@@ -166,7 +165,7 @@ def _line(problem: Any, top: tuple[str, ...]) -> str:
     if kind == "extra_forbidden":
         known = row if above else top
         listed = f"; allowed are {', '.join(known)}" if len(known) < len(NAMES) else ""
-        return f"{inside}unknown key {shortened(key)!r}{_nearest(key, known)}{listed}"
+        return f"{inside}unknown key {shortened(key)!r}{nearest(key, known, otherwise='')}{listed}"
     if kind == "missing":
         return f"{inside}{key} is missing"
     if kind.startswith(("float", "finite")):
@@ -181,8 +180,3 @@ def _line(problem: Any, top: tuple[str, ...]) -> str:
     if kind.startswith("model"):
         return f"{inside}{key}: expected a mapping with {', '.join(row)}".replace("points: ", "points.")
     return f"{inside}{key}: {problem['msg']}"
-
-
-def _nearest(word: str, known: tuple[str, ...]) -> str:
-    near = difflib.get_close_matches(word, known, n=1)
-    return f", did you mean {near[0]!r}?" if near else ""

@@ -15,8 +15,8 @@ from pathlib import Path
 
 import click
 
-from bringup.commands.options import examples, nearest
-from bringup.errors import one_line
+from bringup.commands.options import examples
+from bringup.errors import nearest, one_line
 
 #: Names the plant's parameter file; the same as `ac_plant_node.parameters.PLANT_VARIABLE`, which is heavy to import.
 PLANT_VARIABLE = "ACFTC_PLANT"

@@ -1,5 +1,8 @@
 """Errors that a user of acftc is meant to see: one line, no traceback, and the exit code that goes with it."""
 
+import difflib
+from collections.abc import Iterable
+
 
 class BringupError(ValueError):
     """Bad input; the message is one line that says what, where, and what is allowed."""
@@ -28,3 +31,9 @@ def shortened(text: object, length: int = 60) -> str:
     """`text` as a single line of at most `length` characters: what a message can quote of a bad input."""
     line = one_line(text)
     return line if len(line) <= length else line[: length - 3] + "..."
+
+
+def nearest(word: object, known: Iterable[str], otherwise: str = ";") -> str:
+    """Give ``, did you mean 'x'?`` for the nearest of the `known` words, or `otherwise` when none is near."""
+    near = difflib.get_close_matches(str(word), list(known), n=1)
+    return f", did you mean {near[0]!r}?" if near else otherwise

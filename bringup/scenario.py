@@ -1,6 +1,5 @@
 """What happens in a run: a YAML file, read, checked against the schema, and turned into arrays over all ticks."""
 
-import difflib
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ import yaml
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from bringup.errors import BringupError, one_line, shortened
+from bringup.errors import BringupError, nearest, one_line, shortened
 from bringup.scenario_schema import LARGEST, SHORTEST_S, Change, Scenario, quoted, unknown
 from bringup.units import KPA
 from bringup.yaml_file import parsed, text_of
@@ -250,8 +249,7 @@ def _line(problem: Any) -> str:
     if kind == "union_tag_invalid":
         return f"{prefix}{unknown('kind', context['tag'], sorted(tags))}"
     if kind == "literal_error":
-        near = difflib.get_close_matches(str(given), re.findall(r"'(.*?)'", context["expected"]), n=1)
-        hint = f", did you mean {near[0]!r}?" if near else ";"
+        hint = nearest(given, re.findall(r"'(.*?)'", context["expected"]))
         return f"{prefix}given {quoted(given)}{hint} allowed: {context['expected']}"
     if kind == "list_type":
         return f"{prefix}given {quoted(given)}; must be a list, {_LIST_EXAMPLES}"

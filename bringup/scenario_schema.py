@@ -4,7 +4,6 @@ In the file every quantity has its unit in its key (rpm, kPa, %, K); here and on
 and the air side are given as changes from the operating point, so one scenario serves all three points.
 """
 
-import difflib
 import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from bringup.errors import shortened
+from bringup.errors import nearest, shortened
 from bringup.profiles import PROFILE_KEYS, unit_profile
 from bringup.sample_time import DEFAULT_SAMPLE_TIME_S, LONGEST_SAMPLE_TIME_S, SHORTEST_SAMPLE_TIME_S
 from bringup.units import FAULT_UNITS, KPA, RPM
@@ -280,9 +279,7 @@ class Scenario(_Part):
 
 def unknown(what: str, given: object, allowed: list[str]) -> str:
     """Say that there is no such `what`, which one may have been meant, and which there are."""
-    near = difflib.get_close_matches(str(given), allowed, n=1, cutoff=0.6)
-    hint = f", did you mean {near[0]!r}?" if near else ";"
-    return f"unknown {what} {quoted(given)}{hint} allowed: {', '.join(allowed)}"
+    return f"unknown {what} {quoted(given)}{nearest(given, allowed)} allowed: {', '.join(allowed)}"
 
 
 #: Writes values out, but of a list that holds itself a hundred times over only the beginning.

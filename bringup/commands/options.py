@@ -1,13 +1,13 @@
 """What several commands share: options, arguments that complete in the shell, the examples at the end of help."""
 
-import difflib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 from click.shell_completion import CompletionItem
 
+from bringup.errors import nearest
 from bringup.topics import COMPENSATOR, CONTROLLER, FDI, INJECTOR, PLANT, SCENARIO
 
 
@@ -18,12 +18,6 @@ def examples(*lines: str) -> str:
     shown = [f"{command.rstrip():{width}}  # {remark.strip()}" if remark else command for command, _, remark in parts]
     # \\b: click must not fill them into a paragraph.
     return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in shown)
-
-
-def nearest(word: str, known: Iterable[str]) -> str:
-    """Give ``, did you mean 'x'?`` for the nearest of the `known` words, or ``;`` when none is near."""
-    near = difflib.get_close_matches(word, list(known), n=1)
-    return f", did you mean {near[0]!r}?" if near else ";"
 
 
 class OneOf(click.Choice[str]):

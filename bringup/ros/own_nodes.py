@@ -1,6 +1,5 @@
 """Nodes of your own in the graph, in place of ours, and parameters of your own for the nodes."""
 
-import difflib
 import shlex
 import shutil
 import sys
@@ -10,7 +9,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bringup.errors import BringupError
+from bringup.errors import BringupError, nearest, shortened
 from bringup.ros.modules import MODULES, module_of
 from bringup.topics import COMPENSATOR, CONTROLLER, FDI, INJECTOR, NAMESPACE, PLANT, RECORDER, SCENARIO
 from bringup.yaml_file import parsed, text_of
@@ -84,9 +83,8 @@ def own_nodes(
 
 def _known(name: str, where: str) -> None:
     if name not in REPLACEABLE:
-        near = difflib.get_close_matches(name, REPLACEABLE, n=1)
-        hint = f", did you mean {near[0]!r}?" if near else ";"
-        raise BringupError(f"{where}: no node {name!r} can be replaced{hint} allowed: {', '.join(REPLACEABLE)}")
+        allowed = f"{nearest(name, REPLACEABLE)} allowed: {', '.join(REPLACEABLE)}"
+        raise BringupError(f"{where}: no node {shortened(name)!r} can be replaced{allowed}")
 
 
 def _command(text: str, where: str) -> list[str]:
@@ -99,10 +97,10 @@ def _command(text: str, where: str) -> list[str]:
     if words[0] in ("python", "python3"):
         words[0] = sys.executable  # the one that has ROS, whatever is on the path
     if shutil.which(words[0]) is None:
-        raise BringupError(f"{where}: {words[0]!r} is not an executable")
+        raise BringupError(f"{where}: {shortened(words[0], 200)!r} is not an executable")
     script = Path(words[1]) if len(words) > 1 and words[0] == sys.executable else None
     if script is not None and script.suffix == ".py" and not script.is_file():
-        raise BringupError(f"{where}: there is no file {script}")
+        raise BringupError(f"{where}: there is no file {shortened(script, 200)}")
     return words
 
 
@@ -115,7 +113,7 @@ def _check_file(file: Path, strange: Sequence[str]) -> None:
         name = str(key).removeprefix(f"{NAMESPACE}/")
         if name not in (*REPLACEABLE, RECORDER) or not str(key).startswith("/"):
             nodes = ", ".join(f"{NAMESPACE}/{node}" for node in REPLACEABLE)
-            raise BringupError(f"{file}: no node {key!r}; allowed: {nodes}")
+            raise BringupError(f"{file}: no node {shortened(key)!r}; allowed: {nodes}")
         values = section.get("ros__parameters") if isinstance(section, dict) else None
         if not isinstance(values, dict):
             raise BringupError(f"{file}: {key} holds no mapping 'ros__parameters'")
@@ -134,9 +132,8 @@ def _check_names(file: Path, key: str, values: Mapping[str, Any], name: str) -> 
     allowed = [parameter.name for parameter in (*COMMON, *declared)]
     for given in values:
         if given not in allowed:
-            near = difflib.get_close_matches(given, allowed, n=1)
-            hint = f", did you mean {near[0]!r}?" if near else ";"
-            raise BringupError(f"{file}: {key} has no parameter {given!r}{hint} allowed: {', '.join(allowed)}")
+            hint = f"{nearest(given, allowed)} allowed: {', '.join(allowed)}"
+            raise BringupError(f"{file}: {key} has no parameter {shortened(given)!r}{hint}")
 
 
 def _flat(values: Mapping[str, Any], above: str = "") -> dict[str, Any]:
