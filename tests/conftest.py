@@ -27,8 +27,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     if WORKER in os.environ:
         items.sort(key=lambda item: (not _is(item, "clock"), not _is(item, "ros")))
         for item in items:
-            group = next((kind for kind in GRAPHS if _is(item, kind)), str(item.path))
-            item.add_marker(pytest.mark.xdist_group(group))
+            group = next((kind for kind in GRAPHS if _is(item, kind)), item.path.relative_to(item.config.rootpath))
+            item.add_marker(pytest.mark.xdist_group(str(group)))
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """See that pytest-xdist has found the groups: with another pytest it silently did not."""
+    if WORKER in os.environ and not all("@" in item.nodeid for item in session.items):
+        raise pytest.UsageError("pytest-xdist does not put together the tests that belong together")
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
