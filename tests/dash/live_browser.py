@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -11,7 +12,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 #: Nothing that the browser does of its own accord is to go out, or into the log of requests.
@@ -26,6 +27,8 @@ FLAGS = [
 ]
 #: How long anything may take on a busy machine, s; nothing is judged by it.
 PATIENCE_S = 180.0
+#: How long compiling the plant, or a point's synthesis, may take where neither is in the cache yet, s.
+FIRST_TIME_S = 500.0
 #: How long the page may show no row.
 BETWEEN_S = 2.0
 
@@ -108,3 +111,23 @@ def until(condition: Callable[[], Any], what: str) -> None:
     while not condition():
         assert time.monotonic() < deadline, what
         time.sleep(0.05)
+
+
+def lamp(page: Page, name: str) -> Locator:
+    """One of the lamps at the head of the page."""
+    return page.locator(f"[data-lamp={name}]")
+
+
+def is_lit(page: Page, name: str) -> None:
+    """Wait until a lamp is lit."""
+    expect(lamp(page, name)).to_have_class(re.compile(r"\bon\b"))
+
+
+def is_out(page: Page, name: str) -> None:
+    """Wait until a lamp is out."""
+    expect(lamp(page, name)).not_to_have_class(re.compile(r"\bon\b"))
+
+
+def click(page: Page, name: str) -> None:
+    """Click a button by its label."""
+    page.get_by_role("button", name=name, exact=True).click()
