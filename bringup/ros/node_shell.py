@@ -119,6 +119,12 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
     def stopped(self) -> None:
         """Stop: the node has just become inactive."""
 
+    def destroy_node(self) -> None:
+        """Let go of everything in the middleware."""
+        super().destroy_node()
+        # rclpy forgets this one, and it holds the node: nobody would be told of its end, and shared memory would stay.
+        self._state_machine.destroy_when_not_in_use()
+
     def on_deadline(self) -> None:
         """Do what `deadline_s` was set for."""
 

@@ -1,6 +1,7 @@
 """What is asked of the middleware: messages over 127.0.0.1 alone, without shared memory, and foreign nodes find us."""
 
 import os
+import signal
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
@@ -32,6 +33,8 @@ assert client.wait_for_service(20.0)
 answer = client.call_async(ListParameters.Request())
 rclpy.spin_until_future_complete(node, answer, timeout_sec=20.0)
 print("operating_point" in answer.result().result.names, "{SHARED_MEMORY}" in open("/proc/self/maps").read())
+node.destroy_node()
+rclpy.shutdown()
 """
 
 
@@ -100,3 +103,23 @@ def test_node_uses_no_shared_memory_and_foreign_nodes_find_it(tmp_path: Path, mo
             assert said.split() == ["True", "True"], discovery
     finally:
         stop([child])
+
+
+@pytest.mark.ros
+def test_where_a_node_has_shared_memory_it_takes_it_along(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in NAMES:
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv(RANGE, "SUBNET")
+    child = start(FDI, ["-m", MODULES[FDI], "--ros-args", "-r", "__ns:=/ac"], tmp_path, ros_environment())
+    try:
+        with Supervisor({FDI: child}, ros_environment()) as supervisor:
+            supervisor.wait_for({FDI: "active"})
+        maps = Path(f"/proc/{child.process.pid}/maps").read_text()
+        mapped = {line.split()[-1] for line in maps.splitlines() if SHARED_MEMORY in line}
+        own = [Path(file) for file in mapped if "_port" not in file]  # ports are those of others as well
+        assert own
+        child.process.send_signal(signal.SIGTERM)
+        assert child.process.wait(10) == 0
+    finally:
+        stop([child])
+    assert not [file for file in own if file.exists()]

@@ -37,8 +37,8 @@ def test_starts_by_itself_and_ends_with_code_0(name: str, number: signal.Signals
 
 def test_health_does_not_wait_by_the_wall_clock() -> None:
     """Which somebody may set back by an hour."""
-    code = "import rclpy; from fdi_node.node import FdiNode; rclpy.init(); "
-    code += "print(FdiNode()._health_timer.clock.clock_type.name)"
+    code = "import rclpy; from fdi_node.node import FdiNode; rclpy.init(); node = FdiNode(); "
+    code += "print(node._health_timer.clock.clock_type.name); node.destroy_node(); rclpy.shutdown()"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True).stdout
     assert said.split() == ["STEADY_TIME"]
 

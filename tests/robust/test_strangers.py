@@ -60,6 +60,8 @@ node.create_subscription(FluidPressure, "plant/evaporator_pressure", heard, LOOP
 until = time.monotonic() + 4.0
 while time.monotonic() < until:
     rclpy.spin_once(node, timeout_sec=0.05)
+node.destroy_node()
+rclpy.shutdown()
 """
 
 
