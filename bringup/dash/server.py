@@ -38,9 +38,7 @@ POLICY = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
     "img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self'; frame-ancestors 'none'; form-action 'none'"
 )
-
-
-#: What of Bokeh's scripts the page needs. With tables, formulas and WebGL a browser has thrice as much to read.
+#: What of Bokeh's scripts the page needs; those for tables, formulas and WebGL are more than all of these.
 SCRIPTS: list[Any] = ["bokeh", "bokeh-widgets"]
 #: How long a page may take from its first line to its web socket, ms; then it has to be made anew.
 OPENING_MS = 60_000

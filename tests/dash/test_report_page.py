@@ -1,12 +1,11 @@
 """The report in a real browser, from a file and without a network: the mouse points, drags and double-clicks."""
 
 import re
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from live_browser import new_page, started_browser, until
-from playwright.sync_api import Locator, Page, expect
+from live_browser import new_page, until
+from playwright.sync_api import Browser, Locator, Page, expect
 
 from bringup.commands.outcome import companion
 from bringup.loop import simulate
@@ -25,16 +24,15 @@ def run() -> Recording:
 
 
 @pytest.fixture(scope="module")
-def report(run: Recording, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+def report(browser: Browser, run: Recording, tmp_path_factory: pytest.TempPathFactory) -> Page:
     path = tmp_path_factory.mktemp("report") / "report.html"
     write_report(path, run, *companion(run))
-    with started_browser() as browser:
-        page = new_page(browser)
-        page.asked = []
-        page.on("request", lambda request: page.asked.append(request.url))
-        page.goto(path.as_uri())
-        expect(page.locator("#plots .main-svg").first).to_be_visible()
-        yield page
+    page = new_page(browser)
+    page.asked = []
+    page.on("request", lambda request: page.asked.append(request.url))
+    page.goto(path.as_uri())
+    expect(page.locator("#plots .main-svg").first).to_be_visible()
+    return page
 
 
 @pytest.fixture
