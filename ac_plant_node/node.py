@@ -74,7 +74,8 @@ class PlantNode(NodeShell):
         self._finished = False
         self._missed = 0
         self._latencies = Latencies()
-        self._missed_at: deque[int] = deque(maxlen=MOST_LATE_TICKS)
+        self._missed_at: deque[int] = deque(maxlen=MOST_TOLD)
+        self._late_commands: deque[tuple[int, float]] = deque(maxlen=MOST_TOLD)  # tick, s after its end
         self._late_wakeups = 0
         self._published_s: dict[int, float] = {}  # of ticks whose command has not come yet
         self._wall_s = 0.0
@@ -164,6 +165,9 @@ class PlantNode(NodeShell):
         if tick == self._tick and not self._realtime:
             self._advance()
         if self._realtime:
+            if tick < self._tick:
+                end_s = self._epoch_s + (tick + 1) * self._sample_time_s
+                self._late_commands.append((tick, round(time.monotonic() - end_s, 6)))
             self.enter("", time_ns)
 
     def _ventilated(self, time_ns: int, *values: float) -> None:  # noqa: ARG002
@@ -227,7 +231,8 @@ class PlantNode(NodeShell):
             "finished": "true" if self._finished else "false",
             "wall_seconds": repr(self._wall_s),
             "missed_ticks": str(self._missed),
-            "missed_at": json.dumps(list(self._missed_at)[-MOST_TOLD:]),
+            "missed_at": json.dumps(list(self._missed_at)),
+            "late_commands": json.dumps(list(self._late_commands)),
             "epoch_monotonic_s": repr(getattr(self, "_epoch_s", float("nan"))),
             "late_wakeups": str(self._late_wakeups),
             "first_ns": str(self._first_ns),

@@ -18,14 +18,15 @@ from pathlib import Path
 
 import numpy as np
 
-from bringup.bags.reader import health_reports, read_bag, read_raw
+from bringup.bags.reader import RawBag, health_reports, read_bag, read_raw
 from bringup.bench.children import node_pids, resident_mb
 from bringup.bench.figures import host_noise, start_host_noise
 from bringup.bench.host_noise import missed_by_us
 from bringup.ros.graph import run_graph
+from bringup.ros.health import missed_ticks
 from bringup.ros.modules import MODULES
 from bringup.scenario import check
-from bringup.topics import NAMESPACE, TOPICS
+from bringup.topics import NAMESPACE, PLANT, TOPICS
 
 #: Growth of one node after the first minute that is still none, MB: pages that are touched late, once.
 PLAY_MB = 3.0
@@ -94,9 +95,8 @@ def sustained_mb(time_s: Sequence[float], memory_mb: Sequence[float], first_s: f
     )
 
 
-def missing_messages(bag: Path, ticks: int) -> dict[str, int]:
+def missing_messages(raw: RawBag, ticks: int) -> dict[str, int]:
     """How many messages of each loop topic are not in the bag."""
-    raw = read_raw(bag)
     counts = {topic.name: len(raw.messages.get(f"{NAMESPACE}/{topic.name}", [])) for topic in TOPICS}
     return {name: ticks - count for name, count in counts.items() if count < ticks}
 
@@ -129,10 +129,12 @@ def run(seconds: float, sample_time_s: float, out: Path) -> int:
     first_s = min(FIRST_S, seconds / 4.0)
     watch = Watch(period_s=max(1.0, min(30.0, seconds / 40.0)))
     print("resident memory, MB: " + " ".join(f"{name:>16}" for name in COLUMNS), flush=True)
-    probes = start_host_noise(seconds + 60.0, sample_time_s)
+    probes = start_host_noise(seconds + 60.0)
     done = run_graph(scenario, out, mode="realtime", progress=watch, care=True)
     noise = host_noise(probes)
-    machine, ours = missed_by_us(done.missed_at_s, sample_time_s, noise.stalls)
+    raw = read_raw(done.bag)
+    missed = missed_ticks([values for name, values in health_reports(raw) if name == PLANT], sample_time_s)
+    machine, ours = missed_by_us(missed, sample_time_s, noise.stalls)
     untold = done.missed_ticks - machine - ours
     grown = {
         name: growth_mb(watch.time_s, [row[i] for row in watch.memory_mb], first_s) for i, name in enumerate(COLUMNS)
@@ -140,11 +142,12 @@ def run(seconds: float, sample_time_s: float, out: Path) -> int:
     lasting = {
         name: sustained_mb(watch.time_s, [row[i] for row in watch.memory_mb], first_s) for i, name in enumerate(COLUMNS)
     }
-    missing = missing_messages(done.bag, done.ticks)
+    missing = missing_messages(raw, done.ticks)
     recording = read_bag(done.bag)
-    overruns = {name: values.get("overruns", "0") for name, values in health_reports(read_raw(done.bag))}
+    overruns = {name: values.get("overruns", "0") for name, values in health_reports(raw)}
     broken = [f"{name} goes on growing, by {mb:.1f} MB" for name, mb in lasting.items() if mb > PLAY_MB]
     broken += [f"{ours} ticks missed by our code"] * (ours > 0)
+    broken += [f"{untold} missed ticks of which nobody told"] * (untold > 0)
     # A tick that was missed lacks messages; what lacks without one was lost.
     broken += [f"{name}: {count} messages missing" for name, count in missing.items() if count > done.missed_ticks]
     broken += ["the bag is not complete"] * (not recording.metadata["complete"])
@@ -154,7 +157,7 @@ def run(seconds: float, sample_time_s: float, out: Path) -> int:
     causes = f"while the machine stood still {machine}, by our code {ours}, untold {untold}"
     print(f"ticks missed: {done.missed_ticks}; {causes}")
     latest = f"the latest {noise.max_ms:.1f} ms ({noise.scheduling})"
-    print(f"late wake-ups of idle processes: {len(noise.stalls)}, {latest}")
+    print(f"late wake-ups of idle processes: {noise.long} by more than 5 ms, {latest}")
     print("overruns: " + ", ".join(f"{name} {count}" for name, count in sorted(overruns.items())))
     print(f"messages missing: {missing or 'none'}; bag complete: {recording.metadata['complete']}")
     print("; ".join(broken) if broken else "all promises kept")

@@ -61,7 +61,7 @@ def bench(ticks: int = 1000, rounds: int = 3, realtime_s: float = 60.0, say: Say
         probes = start_host_noise(realtime_s + 60.0)
         fast = _run(out, realtime_s, 0.01, mode="realtime", care=True)
         noise = host_noise(probes)
-        by_machine, by_us = missed_by_us(fast.missed_at_s, 0.01, noise.stalls)
+        by_machine, by_us = missed_by_us(fast.missed, 0.01, noise.stalls)
         say("the bare chain at 100 Hz")
         paced = bare_chain(round(min(realtime_s, 20.0) / 0.01), 0.01)
         say("realtime at 10 Hz for 15 s: memory and processor time")
@@ -81,7 +81,7 @@ def bench(ticks: int = 1000, rounds: int = 3, realtime_s: float = 60.0, say: Say
         Figure("realtime 100 Hz: ticks missed", "", float(fast.missed_ticks)),
         Figure("  missed while the machine stood still", "", float(by_machine)),
         Figure("  missed by our code", "", float(by_us), 0.0),
-        Figure("  late wake-ups of idle processes (> 5 ms)", "", float(len(noise.stalls))),
+        Figure("  late wake-ups of idle processes (> 5 ms)", "", float(noise.long)),
         Figure("  latest wake-up of an idle process", "ms", noise.max_ms),
         Figure("  measurement to command, p50", "ms", p50, reference=paced["latency_p50_ms"]),
         Figure("  measurement to command, p99", "ms", p99, reference=paced["latency_p99_ms"]),
@@ -137,18 +137,27 @@ class _Use:
 
 @dataclass(frozen=True)
 class HostNoise:
-    """What idle processes, one on each processor, have seen of the machine; stalls are (due, woken), monotonic."""
+    """What idle processes, one on each processor, have seen of the machine.
+
+    Attributes
+    ----------
+    stalls : (due, woken) of each late wake-up, monotonic, in order.
+    long : how many of them were late by more than `STALL_S`.
+    max_ms : the latest.
+    scheduling : of these processes.
+    """
 
     stalls: tuple[tuple[float, float], ...]
+    long: int
     max_ms: float
     scheduling: str
 
 
-def start_host_noise(duration_s: float, period_s: float = 0.01) -> "list[subprocess.Popen[str]]":
+def start_host_noise(duration_s: float) -> "list[subprocess.Popen[str]]":
     """Watch, on each processor, how late the machine wakes a process that is always next: `host_noise`."""
     return [
         subprocess.Popen(
-            [sys.executable, "-m", "bringup.bench.host_noise", f"{duration_s:g}", f"{period_s:g}", str(processor)],
+            [sys.executable, "-m", "bringup.bench.host_noise", f"{duration_s:g}", str(processor)],
             stdout=subprocess.PIPE,
             text=True,
             env={**os.environ, PARENT_VARIABLE: str(os.getpid())},
@@ -164,9 +173,10 @@ def host_noise(probes: "list[subprocess.Popen[str]]") -> HostNoise:
         probe.terminate()
     seen = [json.loads(said) for probe in probes if (said := probe.communicate()[0])]
     if not seen:
-        return HostNoise((), math.nan, "")
+        return HostNoise((), 0, math.nan, "")
     stalls = sorted((due_s, woke_s) for each in seen for due_s, woke_s in each["stalls_at"])
-    return HostNoise(tuple(stalls), max(each["max_ms"] for each in seen), seen[0]["scheduling"])
+    most_ms = max(each["max_ms"] for each in seen)
+    return HostNoise(tuple(stalls), sum(each["stalls"] for each in seen), most_ms, seen[0]["scheduling"])
 
 
 def bare_chain(ticks: int, period_s: float = 0.0) -> dict[str, float]:

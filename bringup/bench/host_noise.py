@@ -1,10 +1,11 @@
 """How late this machine wakes a process that has nothing else to do: what no program on it can do better than.
 
-``python -m bringup.bench.host_noise SECONDS PERIOD_S [PROCESSOR]`` sleeps to an absolute deadline again and again,
-under SCHED_FIFO above the loop's own priority where permitted, and prints how late it woke as JSON. It ends early when
-it is told to (SIGTERM), and prints what it has seen until then.
+``python -m bringup.bench.host_noise SECONDS [PROCESSOR]`` sleeps for a millisecond again and again, under SCHED_FIFO
+above the loop's own priority where permitted, and prints how late it woke as JSON. It ends early when it is told to
+(SIGTERM), and prints what it has seen until then.
 """
 
+import gc
 import json
 import os
 import signal
@@ -12,46 +13,53 @@ import sys
 import time
 from collections.abc import Iterable, Sequence
 
+import numpy as np
+
+from bringup.ros.health import MissedTick
 from bringup.ros.processes import end_with_parent
-from bringup.ros.realtime import Latencies, set_priority, sleep_until
+from bringup.ros.realtime import Latencies, set_priority
 
 #: Above the loop's.
 PRIORITY = 30
-#: A wake-up that is later by this much has taken the tick's time from the loop as well: half a tick at 100 Hz.
+#: How long it sleeps. A machine that stands still between two wake-ups and goes on before the second one is not seen
+#: to do so: this is how much of a stall, and how short a one, escapes.
+PERIOD_S = 0.001
+#: A machine that stands still for so much of a tick has taken the tick's time from the loop: half a tick at 100 Hz.
 STALL_S = 0.005
-#: So many stalls are told one by one.
-MOST_TOLD = 5000
+#: A wake-up that is late by more than this is told, where nothing of ours can have been the reason.
+TOLD_S = 0.001
+#: So many of them are told one by one.
+MOST_TOLD = 500_000
 
 
 def main() -> int:
     """Measure and print."""
     end_with_parent()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    duration_s, period_s = float(sys.argv[1]), float(sys.argv[2])
-    if len(sys.argv) > 3:
-        os.sched_setaffinity(0, {int(sys.argv[3])})
+    if len(sys.argv) > 2:
+        os.sched_setaffinity(0, {int(sys.argv[2])})
     scheduling = set_priority(PRIORITY)
+    told_s = STALL_S if scheduling.startswith("normal") else TOLD_S
     late = Latencies()
     stalls: list[tuple[float, float]] = []
-    due_s = time.monotonic()
-    end_s = due_s + duration_s
+    woke_s = time.monotonic()
+    end_s = woke_s + float(sys.argv[1])
+    gc.disable()  # a thousand times a second: as little as can be
     try:
-        while due_s < end_s:
-            due_s += period_s
-            sleep_until(due_s)
+        while woke_s < end_s:
+            due_s = woke_s + PERIOD_S
+            time.sleep(PERIOD_S)
             woke_s = time.monotonic()
             late.add(woke_s - due_s)
-            if woke_s - due_s > STALL_S:
+            if woke_s - due_s > told_s:
                 stalls.append((due_s, woke_s))
-            # What was slept through is one stall, not one for each period.
-            due_s = max(due_s, woke_s - period_s)
     except KeyboardInterrupt:
         pass
     figures = {
         "scheduling": scheduling,
         "p99_ms": 1e3 * late.quantile_s(0.99),
         "max_ms": 1e3 * late.quantile_s(1.0),
-        "stalls": len(stalls),
+        "stalls": sum(woke_s - due_s > STALL_S for due_s, woke_s in stalls),
         "stalls_at": stalls[-MOST_TOLD:],
     }
     print(json.dumps(figures), flush=True)
@@ -59,21 +67,22 @@ def main() -> int:
 
 
 def missed_by_us(
-    missed_at_s: Iterable[float], sample_time_s: float, stalls: Sequence[tuple[float, float]]
+    missed: Iterable[MissedTick], sample_time_s: float, stalls: Sequence[tuple[float, float]]
 ) -> tuple[int, int]:
     """Tell the ticks that were missed while the machine stood still from those that our code missed.
 
     A process above the loop's priority that does nothing was not woken in time: that cannot be the loop's doing. A tick
-    is the machine's when such a stall overlaps it.
+    is the machine's when it stood still, on any processor, for `STALL_S` of it in all, or for as long as the command
+    was late: the loop is a chain, and each of its links waits for the one before.
 
     Parameters
     ----------
-    missed_at_s
-        Beginnings of the missed ticks, on the monotonic clock.
+    missed
+        The missed ticks.
     sample_time_s
         Length of a tick.
     stalls
-        (due, woken) of each late wake-up, on the same clock.
+        (due, woken) of each late wake-up, on the same clock, in order.
 
     Returns
     -------
@@ -81,11 +90,24 @@ def missed_by_us(
         Missed by the machine, missed by our code.
     """
     machine = ours = 0
-    for began_s in missed_at_s:
-        stood_still = any(due_s < began_s + sample_time_s and woke_s > began_s for due_s, woke_s in stalls)
+    for tick in missed:
+        end_s = tick.began_s + sample_time_s
+        stood_still = lost_s(stalls, tick.began_s, end_s) >= STALL_S
+        # Never true of a command that has not come.
+        stood_still |= tick.late_s < lost_s(stalls, tick.began_s, end_s + tick.late_s)
         machine += stood_still
         ours += not stood_still
     return machine, ours
+
+
+def lost_s(stalls: Sequence[tuple[float, float]], began_s: float, end_s: float) -> float:
+    """How much of a stretch of time at least one of `stalls` lasted; these in order of beginning."""
+    if not stalls:
+        return 0.0
+    due_s, woke_s = np.array(stalls).T
+    before_s = np.concatenate(([began_s], np.maximum.accumulate(woke_s)[:-1]))  # counted with an earlier one
+    lost = np.minimum(woke_s, end_s) - np.maximum(np.maximum(due_s, before_s), began_s)
+    return float(lost[lost > 0.0].sum())
 
 
 if __name__ == "__main__":

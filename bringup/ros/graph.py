@@ -18,6 +18,7 @@ import yaml
 from bringup.bags.recorder import mend
 from bringup.designs import DESIGNED
 from bringup.errors import BringupError, InterruptedRunError, RunError
+from bringup.ros.health import MissedTick, missed_ticks
 from bringup.ros.modules import MODULES, parameter_file
 from bringup.ros.own_nodes import OwnNodes
 from bringup.ros.processes import Child, Domain, ros_environment, start, stop
@@ -57,7 +58,7 @@ class GraphRun:
     latency_ms: tuple[float, float, float]  # measurement -> command: p50, p99, max
     domain: int
     restarts: tuple[Restart, ...] = ()
-    missed_at_s: tuple[float, ...] = ()  # beginnings of the missed ticks (the last 200), on the monotonic clock
+    missed: tuple[MissedTick, ...] = ()  # the last 200 of them; the bag tells of all
     strangers: tuple[str, ...] = ()  # what was last seen in the graph that does not belong there
 
 
@@ -149,7 +150,7 @@ def run_graph(
                         latency_ms=_latencies(health),
                         domain=domain.number,
                         restarts=tuple(supervisor.restarts),
-                        missed_at_s=_missed_at(health, scenario.sample_time_s),
+                        missed=missed_ticks([health], scenario.sample_time_s),
                         strangers=tuple(supervisor.strangers),
                     )
             finally:
@@ -164,11 +165,6 @@ def run_graph(
     finally:
         domain.release()
         sweep()
-
-
-def _missed_at(health: Mapping[str, str], sample_time_s: float) -> tuple[float, ...]:
-    epoch_s = float(health.get("epoch_monotonic_s", math.nan))
-    return tuple([epoch_s + tick * sample_time_s for tick in json.loads(health.get("missed_at", "[]"))])
 
 
 def _latencies(health: Mapping[str, str]) -> tuple[float, float, float]:

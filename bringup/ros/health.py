@@ -1,5 +1,6 @@
-"""How the nodes of a recorded run fared: their own health reports, boiled down to one row for each node."""
+"""How the nodes of a run fared, from their own health reports: a row for each node, and the missed ticks."""
 
+import json
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -27,6 +28,32 @@ class NodeHealth:
     overruns: int
     rejected_inputs: int
     last_rejected: str
+
+
+@dataclass(frozen=True)
+class MissedTick:
+    """A tick of the wall clock that ended before its command had come.
+
+    Attributes
+    ----------
+    began_s : when it began, on the monotonic clock.
+    late_s : how long after the tick's end the command came; nan: not at all, or nobody told.
+    """
+
+    began_s: float
+    late_s: float = math.nan
+
+
+def missed_ticks(reports: Iterable[Mapping[str, str]], sample_time_s: float) -> tuple[MissedTick, ...]:
+    """All missed ticks that the plant's health reports of a run tell of, in order; each tells the last ones only."""
+    epoch_s = math.nan
+    missed: set[int] = set()
+    late_s: dict[int, float] = {}
+    for values in reports:
+        epoch_s = float(values.get("epoch_monotonic_s", epoch_s))
+        missed.update(json.loads(values.get("missed_at", "[]")))
+        late_s.update(json.loads(values.get("late_commands", "[]")))
+    return tuple(MissedTick(epoch_s + k * sample_time_s, late_s.get(k, math.nan)) for k in sorted(missed))
 
 
 def health_of(reports: Iterable[tuple[str, Mapping[str, str]]]) -> list[NodeHealth]:

@@ -17,9 +17,9 @@ from mcap.reader import make_reader
 from bringup.bags.reader import read_raw
 from bringup.bags.recorder import BagWriter, RecordedTopic
 from bringup.bench.endurance import COLUMNS, growth_mb, main, missing_messages, sustained_mb
-from bringup.bench.host_noise import missed_by_us
+from bringup.bench.host_noise import lost_s, missed_by_us
 from bringup.ros import realtime
-from bringup.ros.health import health_of
+from bringup.ros.health import MissedTick, health_of, missed_ticks
 from bringup.ros.own_health import Health
 from bringup.ros.realtime import Care, Latencies
 from bringup.topics import PRESSURE
@@ -92,12 +92,50 @@ def test_overruns_of_a_node_are_those_of_all_its_lives() -> None:
     assert row.overruns == 4
 
 
-def test_a_missed_tick_is_the_machines_only_when_a_stall_overlaps_it() -> None:
+def test_a_missed_tick_is_the_machines_only_when_that_stood_still_for_long_enough() -> None:
+    def judged(*missed: tuple[float, ...]) -> tuple[int, int]:
+        return missed_by_us([MissedTick(*tick) for tick in missed], 0.02, stalls)
+
+    stalls: list[tuple[float, float]] = []
+    assert judged() == (0, 0)
+    assert judged((9.99,), (9.99, 0.001)) == (0, 2)
     stalls = [(10.00, 10.03), (20.00, 20.01)]
-    assert missed_by_us([], 0.02, stalls) == (0, 0)
-    assert missed_by_us([9.99, 10.01, 10.02, 10.029], 0.02, stalls) == (4, 0)
-    assert missed_by_us([9.97, 10.03, 15.0], 0.02, stalls) == (0, 3)
-    assert missed_by_us([20.005, 30.0], 0.02, stalls) == (1, 1)
+    assert judged((9.99,), (10.01,), (10.02,), (20.004,)) == (4, 0)
+    assert judged((9.97,), (9.984,), (10.026,), (10.03,), (15.0,), (30.0,)) == (0, 6)
+    # Several short ones count in all, each instant once; and a command is late by no more than the machine took away.
+    stalls = [(10.000, 10.003), (10.001, 10.002), (10.002, 10.004), (10.010, 10.0115), (10.021, 10.023)]
+    assert judged((10.0,)) == (1, 0)  # 4 ms and 1.5 ms
+    assert judged((10.005, math.nan), (10.005, 0.002), (10.005, 0.0034)) == (2, 1)
+    assert judged((10.005, 0.0036), (9.983, 0.0005), (10.03, 0.0)) == (1, 2)
+
+
+@given(
+    st.lists(st.tuples(st.floats(0.0, 1.0), st.floats(0.0, 0.3)), max_size=20),
+    st.floats(0.0, 1.0),
+    st.floats(0.0, 1.0),
+)
+def test_time_that_the_machine_took_away_is_counted_once(
+    pieces: list[tuple[float, float]], began_s: float, length_s: float
+) -> None:
+    stalls = sorted((due_s, due_s + late_s) for due_s, late_s in pieces)
+    fine_s = np.linspace(began_s, began_s + length_s, 20_001)
+    covered = np.zeros_like(fine_s, dtype=bool)
+    for due_s, woke_s in stalls:
+        covered |= (fine_s >= due_s) & (fine_s <= woke_s)
+    assert lost_s(stalls, began_s, began_s + length_s) == pytest.approx(length_s * covered.mean(), abs=5e-3)
+
+
+def test_missed_ticks_are_gathered_from_all_reports() -> None:
+    told = [
+        {"epoch_monotonic_s": "100.0", "missed_at": "[2, 5]", "late_commands": "[[2, 0.001]]"},
+        {},
+        {"epoch_monotonic_s": "100.0", "missed_at": "[5, 9]", "late_commands": "[[5, 0.5]]"},
+    ]
+    missed = missed_ticks(told, 0.1)
+    assert missed[:2] == (MissedTick(100.2, 0.001), MissedTick(100.5, 0.5))
+    assert missed[2].began_s == pytest.approx(100.9)
+    assert math.isnan(missed[2].late_s)
+    assert missed_ticks([], 0.1) == ()
 
 
 def test_growth_is_that_after_the_first_minute() -> None:
@@ -149,7 +187,7 @@ def test_a_long_run_shortened(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert "bag complete: True" in said, said
     assert "goes on growing, by" not in said, said
     assert "by our code" in said
-    missing = missing_messages(tmp_path / "bag", 80)
+    missing = missing_messages(read_raw(tmp_path / "bag"), 80)
     missed = int(said.partition("ticks missed: ")[2].partition(";")[0])
     assert all(count <= missed for count in missing.values()), said
     states = {values.get("realtime_care", "") for values in _last_health(tmp_path)}

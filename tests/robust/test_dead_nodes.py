@@ -16,6 +16,7 @@ from bringup.bench.host_noise import missed_by_us
 from bringup.errors import RunError
 from bringup.recording import AS_USUAL, Recording
 from bringup.ros.graph import GraphRun, run_graph
+from bringup.ros.health import MissedTick
 from bringup.ros.own_nodes import OwnNodes
 from bringup.ros.restarts import MOST
 from bringup.safe_command import SAFE_RATE
@@ -57,8 +58,9 @@ class Ordeal:
     def missed_commands(self, first: int, last: int) -> int:
         """Ticks of a stretch without a command, but for those in which the machine stood still."""
         plant = dict(health_reports(read_raw(self.run.bag)))[PLANT]
-        began_s = [float(plant["epoch_monotonic_s"]) + 0.1 * tick for tick in self.missing(SPEED, first, last)]
-        _machine, ours = missed_by_us(began_s, 0.1, self.stalls)
+        epoch_s = float(plant["epoch_monotonic_s"])
+        missed = [MissedTick(epoch_s + 0.1 * tick) for tick in self.missing(SPEED, first, last)]
+        _machine, ours = missed_by_us(missed, 0.1, self.stalls)
         return ours
 
 
