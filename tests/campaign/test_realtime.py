@@ -62,6 +62,32 @@ def test_latency_of_the_processors_is_held_at_zero(tmp_path: Path, monkeypatch: 
     assert care._keep_awake() == "processors may doze (No such file or directory)"
 
 
+@pytest.mark.ros
+def test_what_is_not_the_loops_is_done_a_step_behind_it() -> None:
+    probe = """
+import json, os, rclpy
+from rclpy.executors import SingleThreadedExecutor
+from bringup.ros.node_shell import NodeShell
+rclpy.init(args=["--ros-args", "-p", "priority:=20"])
+node, executor, seen = NodeShell("shell", ()), SingleThreadedExecutor(), []
+see = lambda: seen.append(os.sched_getparam(0).sched_priority)
+def others():
+    for _ in range(20):
+        node._do_others(executor)
+executor.add_node(node)
+node.trigger_configure(), node.trigger_activate()
+see(), node.soon(see), others(), see()
+node.soon(node.trigger_deactivate), others(), see()
+print(json.dumps([node._scheduled, seen, node.state]))
+node.destroy_node()
+rclpy.shutdown()
+"""
+    result = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, timeout=60, check=True)
+    scheduled, seen, state = json.loads(result.stdout)
+    assert seen == ([20, 19, 20, 0] if scheduled == "SCHED_FIFO 20" else [0] * 4)
+    assert state == "inactive"
+
+
 @given(st.lists(st.floats(2e-6, 100.0), min_size=1, max_size=300), st.sampled_from([0.5, 0.9, 0.99]))
 def test_quantiles_are_those_of_the_durations_to_a_bin(durations: list[float], share: float) -> None:
     latencies = Latencies()
