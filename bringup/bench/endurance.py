@@ -21,7 +21,7 @@ import numpy as np
 from bringup.bags.reader import RawBag, health_reports, read_bag, read_raw
 from bringup.bench.children import node_pids, resident_mb
 from bringup.bench.figures import host_noise, start_host_noise
-from bringup.bench.host_noise import missed_by_us
+from bringup.bench.host_noise import lost_s, missed_by_us
 from bringup.ros.graph import run_graph
 from bringup.ros.health import missed_ticks
 from bringup.ros.modules import MODULES
@@ -134,8 +134,8 @@ def run(seconds: float, sample_time_s: float, out: Path) -> int:
     noise = host_noise(probes)
     raw = read_raw(done.bag)
     missed = missed_ticks([values for name, values in health_reports(raw) if name == PLANT], sample_time_s)
-    machine, ours = missed_by_us(missed, sample_time_s, noise.stalls)
-    untold = done.missed_ticks - machine - ours
+    ours = missed_by_us(missed, sample_time_s, noise.stalls)
+    untold = done.missed_ticks - len(missed)
     grown = {
         name: growth_mb(watch.time_s, [row[i] for row in watch.memory_mb], first_s) for i, name in enumerate(COLUMNS)
     }
@@ -146,7 +146,7 @@ def run(seconds: float, sample_time_s: float, out: Path) -> int:
     recording = read_bag(done.bag)
     overruns = {name: values.get("overruns", "0") for name, values in health_reports(raw)}
     broken = [f"{name} goes on growing, by {mb:.1f} MB" for name, mb in lasting.items() if mb > PLAY_MB]
-    broken += [f"{ours} ticks missed by our code"] * (ours > 0)
+    broken += [f"{len(ours)} ticks missed by our code"] * bool(ours)
     broken += [f"{untold} missed ticks of which nobody told"] * (untold > 0)
     # A tick that was missed lacks messages; what lacks without one was lost.
     broken += [f"{name}: {count} messages missing" for name, count in missing.items() if count > done.missed_ticks]
@@ -154,8 +154,11 @@ def run(seconds: float, sample_time_s: float, out: Path) -> int:
     print(f"{done.ticks} ticks at {1 / sample_time_s:g} Hz in {done.wall_seconds:.1f} s, {len(done.restarts)} restarts")
     print("growth after the first minute, MB: " + ", ".join(f"{name} {mb:+.2f}" for name, mb in grown.items()))
     print("of it goes on growing, MB: " + ", ".join(f"{name} {mb:+.2f}" for name, mb in lasting.items()))
-    causes = f"while the machine stood still {machine}, by our code {ours}, untold {untold}"
+    causes = f"while the machine stood still {len(missed) - len(ours)}, by our code {len(ours)}, untold {untold}"
     print(f"ticks missed: {done.missed_ticks}; {causes}")
+    for tick in ours:
+        still_s = lost_s(noise.stalls, tick.began_s, tick.began_s + sample_time_s + np.nan_to_num(tick.late_s))
+        print(f"  by our code: command {1e3 * tick.late_s:.1f} ms late, machine stood still {1e3 * still_s:.1f} ms")
     latest = f"the latest {noise.max_ms:.1f} ms ({noise.scheduling})"
     print(f"late wake-ups of idle processes: {noise.long} by more than 5 ms, {latest}")
     print("overruns: " + ", ".join(f"{name} {count}" for name, count in sorted(overruns.items())))

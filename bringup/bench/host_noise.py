@@ -68,8 +68,8 @@ def main() -> int:
 
 def missed_by_us(
     missed: Iterable[MissedTick], sample_time_s: float, stalls: Sequence[tuple[float, float]]
-) -> tuple[int, int]:
-    """Tell the ticks that were missed while the machine stood still from those that our code missed.
+) -> list[MissedTick]:
+    """Those of the missed ticks that our code has missed, not the machine that stood still.
 
     A process above the loop's priority that does nothing was not woken in time: that cannot be the loop's doing. A tick
     is the machine's when it stood still, on any processor, for `STALL_S` of it in all, or for as long as the command
@@ -83,21 +83,16 @@ def missed_by_us(
         Length of a tick.
     stalls
         (due, woken) of each late wake-up, on the same clock, in order.
-
-    Returns
-    -------
-    (int, int)
-        Missed by the machine, missed by our code.
     """
-    machine = ours = 0
+    ours = []
     for tick in missed:
         end_s = tick.began_s + sample_time_s
         stood_still = lost_s(stalls, tick.began_s, end_s) >= STALL_S
         # Never true of a command that has not come.
         stood_still |= tick.late_s < lost_s(stalls, tick.began_s, end_s + tick.late_s)
-        machine += stood_still
-        ours += not stood_still
-    return machine, ours
+        if not stood_still:
+            ours.append(tick)
+    return ours
 
 
 def lost_s(stalls: Sequence[tuple[float, float]], began_s: float, end_s: float) -> float:
