@@ -41,7 +41,7 @@ PARAMETERS = (
 MOST_LATE_TICKS = 1000
 #: A wake-up that is late by more than this share of the sample time is counted.
 LATE_SHARE = 0.5
-#: So many of the missed ticks are told one by one in a health report.
+#: So many of the missed ticks, and of the late commands, are told one by one in a health report.
 MOST_TOLD = 200
 
 

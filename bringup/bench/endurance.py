@@ -9,10 +9,11 @@ broken: memory that grows after the first minute, a tick missed by our code, a b
 
 import argparse
 import contextlib
+import math
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,13 +21,13 @@ import numpy as np
 
 from bringup.bags.reader import RawBag, health_reports, read_bag, read_raw
 from bringup.bench.children import node_pids, resident_mb
-from bringup.bench.figures import host_noise, start_host_noise
-from bringup.bench.host_noise import lost_s, missed_by_us
-from bringup.ros.graph import run_graph
+from bringup.bench.figures import HostNoise, host_noise, start_host_noise
+from bringup.bench.host_noise import STALL_S, lost_s, missed_by_us
+from bringup.ros.graph import GraphRun, run_graph
 from bringup.ros.health import missed_ticks
 from bringup.ros.modules import MODULES
 from bringup.scenario import check
-from bringup.topics import NAMESPACE, PLANT, TOPICS
+from bringup.topics import BY_NAME, NAMESPACE, PLANT, TOPICS
 
 #: Growth of one node after the first minute that is still none, MB: pages that are touched late, once.
 PLAY_MB = 3.0
@@ -101,6 +102,24 @@ def missing_messages(raw: RawBag, ticks: int) -> dict[str, int]:
     return {name: ticks - count for name, count in counts.items() if count < ticks}
 
 
+def lost_messages(
+    missing: Mapping[str, int], missed: int, reports: Iterable[tuple[str, Mapping[str, str]]]
+) -> dict[str, int]:
+    """Those of the `missing` messages, by topic, that cannot have stayed unsent.
+
+    In a missed tick anything may have. And a node that went on without an input has nothing to send of it; it counts
+    such ticks in its health `reports` (``missing/<topic>``, its last one tells).
+    """
+    last = dict(reports)
+    lacked = {
+        node: max((int(count) for key, count in values.items() if key.startswith("missing/")), default=0)
+        for node, values in last.items()
+    }
+    return {
+        name: count for name, count in missing.items() if count > max(missed, lacked.get(BY_NAME[name].publisher, 0))
+    }
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run, watch and judge."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -132,39 +151,53 @@ def run(seconds: float, sample_time_s: float, out: Path) -> int:
     probes = start_host_noise(seconds + 60.0)
     done = run_graph(scenario, out, mode="realtime", progress=watch, care=True)
     noise = host_noise(probes)
+    print(f"{done.ticks} ticks at {1 / sample_time_s:g} Hz in {done.wall_seconds:.1f} s, {len(done.restarts)} restarts")
     raw = read_raw(done.bag)
+    broken = [*judge_memory(watch, first_s), *judge_ticks(done, raw, noise, sample_time_s), *judge_bag(done, raw)]
+    print("; ".join(broken) if broken else "all promises kept")
+    return 1 if broken else 0
+
+
+def judge_memory(watch: Watch, first_s: float) -> list[str]:
+    """Print what has grown after the first `first_s`; the broken promises."""
+    rows = dict(zip(COLUMNS, zip(*watch.memory_mb, strict=True), strict=True)) if watch.memory_mb else {}
+    grown = {name: growth_mb(watch.time_s, row, first_s) for name, row in rows.items()}
+    lasting = {name: sustained_mb(watch.time_s, row, first_s) for name, row in rows.items()}
+    print("growth after the first minute, MB: " + ", ".join(f"{name} {mb:+.2f}" for name, mb in grown.items()))
+    print("of it goes on growing, MB: " + ", ".join(f"{name} {mb:+.2f}" for name, mb in lasting.items()))
+    return [f"{name} goes on growing, by {mb:.1f} MB" for name, mb in lasting.items() if mb > PLAY_MB]
+
+
+def judge_ticks(done: GraphRun, raw: RawBag, noise: HostNoise, sample_time_s: float) -> list[str]:
+    """Print who missed how many ticks; the broken promises."""
     missed = missed_ticks([values for name, values in health_reports(raw) if name == PLANT], sample_time_s)
     ours = missed_by_us(missed, sample_time_s, noise.stalls)
     untold = done.missed_ticks - len(missed)
-    grown = {
-        name: growth_mb(watch.time_s, [row[i] for row in watch.memory_mb], first_s) for i, name in enumerate(COLUMNS)
-    }
-    lasting = {
-        name: sustained_mb(watch.time_s, [row[i] for row in watch.memory_mb], first_s) for i, name in enumerate(COLUMNS)
-    }
-    missing = missing_messages(raw, done.ticks)
-    recording = read_bag(done.bag)
-    overruns = {name: values.get("overruns", "0") for name, values in health_reports(raw)}
-    broken = [f"{name} goes on growing, by {mb:.1f} MB" for name, mb in lasting.items() if mb > PLAY_MB]
-    broken += [f"{len(ours)} ticks missed by our code"] * bool(ours)
-    broken += [f"{untold} missed ticks of which nobody told"] * (untold > 0)
-    # A tick that was missed lacks messages; what lacks without one was lost.
-    broken += [f"{name}: {count} messages missing" for name, count in missing.items() if count > done.missed_ticks]
-    broken += ["the bag is not complete"] * (not recording.metadata["complete"])
-    print(f"{done.ticks} ticks at {1 / sample_time_s:g} Hz in {done.wall_seconds:.1f} s, {len(done.restarts)} restarts")
-    print("growth after the first minute, MB: " + ", ".join(f"{name} {mb:+.2f}" for name, mb in grown.items()))
-    print("of it goes on growing, MB: " + ", ".join(f"{name} {mb:+.2f}" for name, mb in lasting.items()))
     causes = f"while the machine stood still {len(missed) - len(ours)}, by our code {len(ours)}, untold {untold}"
     print(f"ticks missed: {done.missed_ticks}; {causes}")
-    for tick in ours:
-        still_s = lost_s(noise.stalls, tick.began_s, tick.began_s + sample_time_s + np.nan_to_num(tick.late_s))
-        print(f"  by our code: command {1e3 * tick.late_s:.1f} ms late, machine stood still {1e3 * still_s:.1f} ms")
+    for each in ours:
+        end_s = each.began_s + sample_time_s + (0.0 if math.isnan(each.late_s) else each.late_s)
+        still_ms = 1e3 * lost_s(np.reshape(noise.stalls, (-1, 2)), each.began_s, end_s)
+        came = "never came" if math.isnan(each.late_s) else f"{1e3 * each.late_s:.1f} ms late"
+        print(f"  by our code: tick {each.tick}, command {came}, machine stood still {still_ms:.1f} ms")
     latest = f"the latest {noise.max_ms:.1f} ms ({noise.scheduling})"
-    print(f"late wake-ups of idle processes: {noise.long} by more than 5 ms, {latest}")
+    print(f"late wake-ups of idle processes: {noise.long} by more than {1e3 * STALL_S:g} ms, {latest}")
+    overruns = {name: values.get("overruns", "0") for name, values in health_reports(raw)}
     print("overruns: " + ", ".join(f"{name} {count}" for name, count in sorted(overruns.items())))
-    print(f"messages missing: {missing or 'none'}; bag complete: {recording.metadata['complete']}")
-    print("; ".join(broken) if broken else "all promises kept")
-    return 1 if broken else 0
+    broken = [f"{len(ours)} ticks missed by our code"] * bool(ours)
+    return broken + [f"{untold} missed ticks of which nobody told"] * (untold > 0)
+
+
+def judge_bag(done: GraphRun, raw: RawBag) -> list[str]:
+    """Print what is not in the bag; the broken promises."""
+    missing = missing_messages(raw, done.ticks)
+    lost = lost_messages(missing, done.missed_ticks, health_reports(raw))
+    complete = read_bag(done.bag).metadata["complete"]
+    print(
+        f"messages missing: {missing or 'none'}, more than were left unsent: {lost or 'none'}; bag complete: {complete}"
+    )
+    broken = [f"{name}: {count} messages missing" for name, count in lost.items()]
+    return broken + ["the bag is not complete"] * (not complete)
 
 
 if __name__ == "__main__":

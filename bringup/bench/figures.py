@@ -142,9 +142,9 @@ class HostNoise:
 
     Attributes
     ----------
-    stalls : (due, woken) of each late wake-up, monotonic, in order.
+    stalls : (due, woken) of each late wake-up, s on the monotonic clock, in order.
     long : how many of them were late by more than `STALL_S`.
-    max_ms : the latest.
+    max_ms : how late the latest was.
     scheduling : of these processes.
     """
 

@@ -14,6 +14,7 @@ import time
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bringup.ros.health import MissedTick
 from bringup.ros.processes import end_with_parent
@@ -85,21 +86,30 @@ def missed_by_us(
         (due, woken) of each late wake-up, on the same clock, in order.
     """
     ours = []
+    known = np.reshape(stalls, (-1, 2))
     for tick in missed:
         end_s = tick.began_s + sample_time_s
-        stood_still = lost_s(stalls, tick.began_s, end_s) >= STALL_S
+        stood_still = lost_s(known, tick.began_s, end_s) >= STALL_S
         # Never true of a command that has not come.
-        stood_still |= tick.late_s < lost_s(stalls, tick.began_s, end_s + tick.late_s)
+        stood_still |= tick.late_s < lost_s(known, tick.began_s, end_s + tick.late_s)
         if not stood_still:
             ours.append(tick)
     return ours
 
 
-def lost_s(stalls: Sequence[tuple[float, float]], began_s: float, end_s: float) -> float:
-    """How much of a stretch of time at least one of `stalls` lasted; these in order of beginning."""
-    if not stalls:
+def lost_s(stalls: NDArray[np.float64], began_s: float, end_s: float) -> float:
+    """For how much of the time from `began_s` to `end_s` the machine stood still, on any processor.
+
+    Parameters
+    ----------
+    stalls : ndarray, shape (n, 2)
+        (due, woken) of each late wake-up, s, in order of the first.
+    began_s, end_s
+        On the same clock.
+    """
+    if len(stalls) == 0:
         return 0.0
-    due_s, woke_s = np.array(stalls).T
+    due_s, woke_s = stalls.T
     before_s = np.concatenate(([began_s], np.maximum.accumulate(woke_s)[:-1]))  # counted with an earlier one
     lost = np.minimum(woke_s, end_s) - np.maximum(np.maximum(due_s, before_s), began_s)
     return float(lost[lost > 0.0].sum())

@@ -23,6 +23,7 @@ from bringup.errors import BringupError
 from bringup.files import write_whole
 from bringup.ros.cdr import NANOSECONDS, columns, stamps_ns
 from bringup.ros.graph import GraphRun, run_graph
+from bringup.ros.health import missed_ticks
 from bringup.ros.own_nodes import OwnNodes
 from bringup.topics import BY_NAME, CONTROLLER, INJECTOR, PLANT
 from bringup.units import KPA
@@ -145,10 +146,9 @@ def gather(
     first = int(stamps_ns(beats[:1])[0]) if beats else 0
     first_s = first / NANOSECONDS + time.monotonic() - time.time()  # stamps are the wall clock's
     rejected: dict[str, dict[str, int]] = {}
-    told: set[int] = set()
-    for name, values in health_reports(raw):
-        if name == PLANT:
-            told.update(json.loads(values.get("missed_at", "[]")))
+    reports = list(health_reports(raw))
+    missed = missed_ticks([values for name, values in reports if name == PLANT], scenario.sample_time_s)
+    for name, values in reports:
         for key, value in values.items():
             if key.startswith(REJECTED) and value.isdecimal():
                 by_reason = rejected.setdefault(name, {})
@@ -166,7 +166,7 @@ def gather(
         rejected=rejected,
         limits=limits,
         left=_left(folder),
-        told=told,
+        told={each.tick for each in missed},
         stalls=[(due_s - first_s, woke_s - first_s) for due_s, woke_s in stalls],
     )
 

@@ -36,10 +36,12 @@ class MissedTick:
 
     Attributes
     ----------
+    tick : its number.
     began_s : when it began, on the monotonic clock.
     late_s : how long after the tick's end the command came; nan: not at all, or nobody told.
     """
 
+    tick: int
     began_s: float
     late_s: float = math.nan
 
@@ -53,7 +55,7 @@ def missed_ticks(reports: Iterable[Mapping[str, str]], sample_time_s: float) -> 
         epoch_s = float(values.get("epoch_monotonic_s", epoch_s))
         missed.update(json.loads(values.get("missed_at", "[]")))
         late_s.update(json.loads(values.get("late_commands", "[]")))
-    return tuple(MissedTick(epoch_s + k * sample_time_s, late_s.get(k, math.nan)) for k in sorted(missed))
+    return tuple(MissedTick(k, epoch_s + k * sample_time_s, late_s.get(k, math.nan)) for k in sorted(missed))
 
 
 def health_of(reports: Iterable[tuple[str, Mapping[str, str]]]) -> list[NodeHealth]:

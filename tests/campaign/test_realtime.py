@@ -14,9 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from bringup.bags.reader import read_raw
+from bringup.bags.reader import health_reports, read_raw
 from bringup.bags.recorder import BagWriter, RecordedTopic
-from bringup.bench.endurance import COLUMNS, growth_mb, main, missing_messages, sustained_mb
+from bringup.bench.endurance import COLUMNS, growth_mb, lost_messages, main, missing_messages, sustained_mb
 from bringup.bench.host_noise import lost_s, missed_by_us
 from bringup.ros import realtime
 from bringup.ros.health import MissedTick, health_of, missed_ticks
@@ -120,7 +120,7 @@ def test_overruns_of_a_node_are_those_of_all_its_lives() -> None:
 
 def test_a_missed_tick_is_the_machines_only_when_that_stood_still_for_long_enough() -> None:
     def judged(*missed: tuple[float, ...]) -> tuple[int, int]:
-        ours = missed_by_us([MissedTick(*tick) for tick in missed], 0.02, stalls)
+        ours = missed_by_us([MissedTick(k, *tick) for k, tick in enumerate(missed)], 0.02, stalls)
         return len(missed) - len(ours), len(ours)
 
     stalls: list[tuple[float, float]] = []
@@ -149,7 +149,22 @@ def test_time_that_the_machine_took_away_is_counted_once(
     covered = np.zeros_like(fine_s, dtype=bool)
     for due_s, woke_s in stalls:
         covered |= (fine_s >= due_s) & (fine_s <= woke_s)
-    assert lost_s(stalls, began_s, began_s + length_s) == pytest.approx(length_s * covered.mean(), abs=5e-3)
+    assert lost_s(np.reshape(stalls, (-1, 2)), began_s, began_s + length_s) == pytest.approx(
+        length_s * covered.mean(), abs=5e-3
+    )
+
+
+def test_a_message_is_lost_when_its_node_had_what_it_needed() -> None:
+    reports = [
+        ("fault_injector", {"missing/plant/superheat": "9"}),
+        ("fdi", {"state": "active"}),
+        ("fault_injector", {"missing/plant/superheat": "2", "missing/plant/wall_temperature": "3"}),
+    ]
+    missing = {"measured/superheat": 3, "measured/wall_temperature": 4, "fdi/status": 1, "compensator/q": 1}
+    lost = {"measured/wall_temperature": 4, "fdi/status": 1, "compensator/q": 1}
+    assert lost_messages(missing, 0, reports) == lost
+    assert lost_messages(missing, 1, reports) == {"measured/wall_temperature": 4}
+    assert lost_messages(missing, 4, reports) == {}
 
 
 def test_missed_ticks_are_gathered_from_all_reports() -> None:
@@ -159,8 +174,8 @@ def test_missed_ticks_are_gathered_from_all_reports() -> None:
         {"epoch_monotonic_s": "100.0", "missed_at": "[5, 9]", "late_commands": "[[5, 0.5]]"},
     ]
     missed = missed_ticks(told, 0.1)
-    assert missed[:2] == (MissedTick(100.2, 0.001), MissedTick(100.5, 0.5))
-    assert missed[2].began_s == pytest.approx(100.9)
+    assert missed[:2] == (MissedTick(2, 100.2, 0.001), MissedTick(5, 100.5, 0.5))
+    assert (missed[2].tick, missed[2].began_s) == (9, pytest.approx(100.9))
     assert math.isnan(missed[2].late_s)
     assert missed_ticks([], 0.1) == ()
 
@@ -214,14 +229,12 @@ def test_a_long_run_shortened(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert "bag complete: True" in said, said
     assert "goes on growing, by" not in said, said
     assert "by our code" in said
-    missing = missing_messages(read_raw(tmp_path / "bag"), 80)
+    raw = read_raw(tmp_path / "bag")
     missed = int(said.partition("ticks missed: ")[2].partition(";")[0])
-    assert all(count <= missed for count in missing.values()), said
+    assert lost_messages(missing_messages(raw, 80), missed, health_reports(raw)) == {}, said
     states = {values.get("realtime_care", "") for values in _last_health(tmp_path)}
     assert any(state.startswith("memory") for state in states) or os.getuid() != 0, states
 
 
 def _last_health(out: Path) -> list[dict[str, str]]:
-    from bringup.bags.reader import health_reports
-
     return [values for _, values in health_reports(read_raw(out / "bag")) if values.get("state") == "active"]

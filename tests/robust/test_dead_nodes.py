@@ -59,7 +59,7 @@ class Ordeal:
         """Ticks of a stretch without a command, but for those in which the machine stood still."""
         plant = dict(health_reports(read_raw(self.run.bag)))[PLANT]
         epoch_s = float(plant["epoch_monotonic_s"])
-        missed = [MissedTick(epoch_s + 0.1 * tick) for tick in self.missing(SPEED, first, last)]
+        missed = [MissedTick(tick, epoch_s + 0.1 * tick) for tick in self.missing(SPEED, first, last)]
         return len(missed_by_us(missed, 0.1, self.stalls))
 
 
