@@ -27,7 +27,7 @@ from bringup.ros.graph import GraphRun, run_graph
 from bringup.ros.health import missed_ticks
 from bringup.ros.modules import MODULES
 from bringup.scenario import check
-from bringup.topics import BY_NAME, NAMESPACE, PLANT, TOPICS
+from bringup.topics import INJECTOR, NAMESPACE, PLANT, TOPICS
 
 #: Growth of one node after the first minute that is still none, MB: pages that are touched late, once.
 PLAY_MB = 3.0
@@ -107,17 +107,17 @@ def lost_messages(
 ) -> dict[str, int]:
     """Those of the `missing` messages, by topic, that cannot have stayed unsent.
 
-    In a missed tick anything may have. And a node that went on without an input has nothing to send of it; it counts
-    such ticks in its health `reports` (``missing/<topic>``, its last one tells).
+    In a missed tick any may have. And the injector does not send on what has not come from the plant in time; it counts
+    such ticks in its health `reports` (``missing/plant/...``, its last one tells).
     """
-    last = dict(reports)
-    lacked = {
-        node: max((int(count) for key, count in values.items() if key.startswith("missing/")), default=0)
-        for node, values in last.items()
-    }
-    return {
-        name: count for name, count in missing.items() if count > max(missed, lacked.get(BY_NAME[name].publisher, 0))
-    }
+    lacked = dict(reports).get(INJECTOR, {})
+    lost = {}
+    for name, count in missing.items():
+        kind, _, quantity = name.partition("/")
+        unmeasured = int(lacked.get(f"missing/plant/{quantity}", 0)) if kind == "measured" else 0
+        if count > max(missed, unmeasured):
+            lost[name] = count
+    return lost
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

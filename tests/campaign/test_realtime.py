@@ -154,17 +154,17 @@ def test_time_that_the_machine_took_away_is_counted_once(
     )
 
 
-def test_a_message_is_lost_when_its_node_had_what_it_needed() -> None:
+def test_a_message_is_lost_when_it_can_have_been_sent() -> None:
     reports = [
         ("fault_injector", {"missing/plant/superheat": "9"}),
-        ("fdi", {"state": "active"}),
-        ("fault_injector", {"missing/plant/superheat": "2", "missing/plant/wall_temperature": "3"}),
+        ("fdi", {"missing/measured/superheat": "50"}),  # goes on with the one before
+        ("fault_injector", {"missing/plant/superheat": "2", "missing/plant/wall_temperature": "4"}),
     ]
-    missing = {"measured/superheat": 3, "measured/wall_temperature": 4, "fdi/status": 1, "compensator/q": 1}
-    lost = {"measured/wall_temperature": 4, "fdi/status": 1, "compensator/q": 1}
-    assert lost_messages(missing, 0, reports) == lost
-    assert lost_messages(missing, 1, reports) == {"measured/wall_temperature": 4}
-    assert lost_messages(missing, 4, reports) == {}
+    missing = {"measured/superheat": 3, "measured/wall_temperature": 4, "plant/superheat": 1, "fdi/status": 2}
+    assert lost_messages(missing, 0, reports) == {"measured/superheat": 3, "plant/superheat": 1, "fdi/status": 2}
+    assert lost_messages(missing, 2, reports) == {"measured/superheat": 3}
+    assert lost_messages(missing, 3, reports) == {}
+    assert lost_messages(missing, 3, []) == {"measured/wall_temperature": 4}
 
 
 def test_missed_ticks_are_gathered_from_all_reports() -> None:
