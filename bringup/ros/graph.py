@@ -18,6 +18,7 @@ import yaml
 from bringup.bags.recorder import mend
 from bringup.designs import DESIGNED
 from bringup.errors import BringupError, InterruptedRunError, RunError
+from bringup.ros.awake import keep_awake
 from bringup.ros.health import MissedTick, missed_ticks
 from bringup.ros.modules import MODULES, parameter_file
 from bringup.ros.own_nodes import OwnNodes
@@ -116,7 +117,10 @@ def run_graph(
             beside(domain.number)
         with _interruptible(out_dir):
             children: dict[str, Child] = {}
+            idle: list[Child] = []
             try:
+                if mode == "realtime" and care:
+                    idle = keep_awake(out_dir / "log", environment)
                 for name, module in MODULES.items():
                     arguments = node_arguments(module, name, parameters[name], out_dir / "log", own)
                     if name in own.by_hand:
@@ -156,6 +160,7 @@ def run_graph(
             finally:
                 stop([child for name, child in children.items() if name != RECORDER])
                 stop([child for name, child in children.items() if name == RECORDER])
+                stop(idle)
                 mend(out_dir / "bag")
             recorder = children[RECORDER]
             if recorder.process.returncode != 0:

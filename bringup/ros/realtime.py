@@ -13,6 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
+from bringup.ros.awake import AWAKE_VARIABLE, has_idle_driver
+
 #: Lock what is there and what comes, but only pages that are touched: the whole address space would be ten times more.
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 CPU_DMA_LATENCY = Path("/dev/cpu_dma_latency")
@@ -49,6 +51,10 @@ class Care:
 
     def _keep_awake(self) -> str:
         """Hold the latency of a processor's waking at 0 us, for as long as the file is open."""
+        if AWAKE_VARIABLE in os.environ:
+            return "processors kept awake by idle processes"
+        if not has_idle_driver():
+            return "processors may doze (no cpuidle driver)"
         try:
             self._latency_file = os.open(CPU_DMA_LATENCY, os.O_WRONLY)
             os.write(self._latency_file, struct.pack("<i", 0))

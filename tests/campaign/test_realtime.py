@@ -6,6 +6,7 @@ import os
 import struct
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +19,10 @@ from bringup.bags.reader import health_reports, read_raw
 from bringup.bags.recorder import BagWriter, RecordedTopic
 from bringup.bench.endurance import COLUMNS, growth_mb, lost_messages, main, missing_messages, sustained_mb
 from bringup.bench.host_noise import lost_s, missed_by_us
-from bringup.ros import realtime
+from bringup.ros import awake, realtime
 from bringup.ros.health import MissedTick, health_of, missed_ticks
 from bringup.ros.own_health import Health
+from bringup.ros.processes import ros_environment, stop
 from bringup.ros.realtime import Care, Latencies
 from bringup.topics import PRESSURE
 
@@ -42,17 +44,19 @@ care.end()
 print(json.dumps([said, during, (locked(), awake()), care.state]))
 """
     result = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, timeout=60, check=True)
-    said, (locked, awake), after, state = json.loads(result.stdout)
+    said, (locked, held), after, state = json.loads(result.stdout)
     assert ("memory locked" in said) == (locked > 0)
-    assert ("kept awake" in said) == (awake == 1)
-    assert "(" in said or (locked > 0 and awake == 1)  # whatever was refused has its reason
+    assert ("kept awake" in said) == (held == 1)
+    assert "(" in said or (locked > 0 and held == 1)  # whatever was refused has its reason
     assert after == [0, 0]
     assert state == "none"
 
 
 def test_latency_of_the_processors_is_held_at_zero(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    device = tmp_path / "cpu_dma_latency"
+    device, driver = tmp_path / "cpu_dma_latency", tmp_path / "current_driver"
     device.touch()
+    driver.write_text("acpi_idle\n")
+    monkeypatch.setattr(awake, "IDLE_DRIVER", driver)
     monkeypatch.setattr(realtime, "CPU_DMA_LATENCY", device)
     care = Care()
     assert care._keep_awake() == "processors kept awake"
@@ -60,6 +64,32 @@ def test_latency_of_the_processors_is_held_at_zero(tmp_path: Path, monkeypatch: 
     care.end()
     monkeypatch.setattr(realtime, "CPU_DMA_LATENCY", tmp_path / "missing")
     assert care._keep_awake() == "processors may doze (No such file or directory)"
+    driver.write_text("none\n")
+    assert care._keep_awake() == "processors may doze (no cpuidle driver)"
+
+
+@pytest.mark.ros
+def test_processors_that_the_kernel_would_halt_have_something_to_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each has a process of its own, behind everything else, that is gone when it is told to."""
+    driver, environment = tmp_path / "current_driver", ros_environment()
+    monkeypatch.setattr(awake, "IDLE_DRIVER", driver)
+    driver.write_text("acpi_idle\n")
+    assert awake.keep_awake(tmp_path, environment) == []
+    assert awake.AWAKE_VARIABLE not in environment
+    driver.unlink()
+    children = awake.keep_awake(tmp_path, environment)
+    pids = [child.process.pid for child in children]
+    until_s = time.monotonic() + 30.0
+    while any(len(os.sched_getaffinity(pid)) > 1 for pid in pids) and time.monotonic() < until_s:
+        time.sleep(0.01)  # nothing announces it
+    assert {os.sched_getscheduler(pid) for pid in pids} == {os.SCHED_IDLE}
+    assert set.union(*(os.sched_getaffinity(pid) for pid in pids)) == os.sched_getaffinity(0)
+    stop(children)
+    assert {child.end for child in children} == {"SIGTERM"}
+    monkeypatch.setenv(awake.AWAKE_VARIABLE, environment[awake.AWAKE_VARIABLE])
+    assert Care()._keep_awake() == "processors kept awake by idle processes"
 
 
 @pytest.mark.ros
@@ -234,6 +264,7 @@ def test_a_long_run_shortened(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert lost_messages(missing_messages(raw, 80), missed, health_reports(raw)) == {}, said
     states = {values.get("realtime_care", "") for values in _last_health(tmp_path)}
     assert any(state.startswith("memory") for state in states) or os.getuid() != 0, states
+    assert awake.has_idle_driver() or any(state.endswith("kept awake by idle processes") for state in states), states
 
 
 def _last_health(out: Path) -> list[dict[str, str]]:

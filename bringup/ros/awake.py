@@ -1,0 +1,66 @@
+"""Processors that do not doze, where the kernel cannot be asked for that: on each a process that never sleeps.
+
+A processor that has nothing to do is halted. That of a virtual machine is then given to somebody else, and comes back
+when its host finds the time. Without a cpuidle driver, as usual there, nobody heeds ``/dev/cpu_dma_latency``. A process
+of the policy SCHED_IDLE gets only what no other one wants, needs no permission, and leaves nothing to be halted for.
+
+``python -m bringup.ros.awake PROCESSOR`` is one of them.
+"""
+
+import contextlib
+import os
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from bringup.ros.processes import Child, end_with_parent, start
+
+#: Says which driver puts idle processors to sleep; "none": they are just halted.
+IDLE_DRIVER = Path("/sys/devices/system/cpu/cpuidle/current_driver")
+#: Set for nodes whose bringup keeps the processors awake.
+AWAKE_VARIABLE = "ACFTC_PROCESSORS_AWAKE"
+
+
+def has_idle_driver() -> bool:
+    """Whether the kernel can be asked not to let processors doze."""
+    with contextlib.suppress(OSError):
+        return IDLE_DRIVER.read_text().strip() != "none"
+    return False
+
+
+def keep_awake(log_folder: Path, environment: dict[str, str]) -> list[Child]:
+    """Start one on each processor that this process may use, unless the kernel can do without; nodes are told of it.
+
+    Parameters
+    ----------
+    log_folder
+        Where they log.
+    environment
+        Of the nodes to come, in which they find that it has been done.
+
+    Returns
+    -------
+    list of Child
+        To be stopped.
+    """
+    if has_idle_driver():
+        return []
+    environment[AWAKE_VARIABLE] = "1"
+    return [_on(processor, log_folder, environment) for processor in sorted(os.sched_getaffinity(0))]
+
+
+def _on(processor: int, log_folder: Path, environment: Mapping[str, str]) -> Child:
+    return start(f"awake_{processor}", ["-m", "bringup.ros.awake", str(processor)], log_folder, environment)
+
+
+def main() -> None:
+    """Be busy with nothing on one processor until told to end."""
+    end_with_parent()
+    os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))  # before anything else: never without it
+    os.sched_setaffinity(0, {int(sys.argv[1])})
+    while True:
+        pass
+
+
+if __name__ == "__main__":
+    main()
