@@ -26,6 +26,7 @@ from bringup.dash.plots import (
     zone_source,
 )
 from bringup.dash.rows import MOST_ROWS, ROW_PERIOD_S, WINDOW_S, columns_of
+from bringup.ros.health import reported
 from bringup.topics import FAULTS
 from bringup.units import FAULT_UNITS, KPA
 
@@ -225,7 +226,7 @@ def _lamp(name: str, on: bool, kind: str, words: str) -> str:
 
 def readouts(newest: Mapping[str, float], view: View) -> str:
     """Figures of this moment, with their units."""
-    cooling = float(view.plant.get("cooling_power_w", "nan")) / 1e3
+    cooling = reported(view.plant, "cooling_power_w") / 1e3
     figures = (
         ("evaporator", f"{newest.get('p_e', math.nan):.1f} kPa"),
         ("condenser", f"{newest.get('p_c', math.nan):.0f} kPa"),

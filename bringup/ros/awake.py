@@ -3,6 +3,7 @@
 A processor that has nothing to do is halted. That of a virtual machine is then given to somebody else, and comes back
 when its host finds the time. Without a cpuidle driver, as usual there, nobody heeds ``/dev/cpu_dma_latency``. A process
 of the policy SCHED_IDLE gets only what no other one wants, needs no permission, and leaves nothing to be halted for.
+Not where processor time is rationed, as that of a container may be: these would use up what the loop needs.
 
 ``python -m bringup.ros.awake PROCESSOR`` is one of them.
 """
@@ -19,6 +20,10 @@ from bringup.ros.processes import Child, end_with_parent, start
 IDLE_DRIVER = Path("/sys/devices/system/cpu/cpuidle/current_driver")
 #: Set for nodes whose bringup keeps the processors awake.
 AWAKE_VARIABLE = "ACFTC_PROCESSORS_AWAKE"
+#: Where control groups are, and which of them this process is in.
+GROUPS, OWN_GROUPS = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
+#: In a group's folder: a word that is neither of these is so much processor time, and no more (versions 2 and 1).
+RATIONS, UNRATIONED = ("cpu.max", "cpu.cfs_quota_us"), ("max", "-1")
 
 
 def has_idle_driver() -> bool:
@@ -28,8 +33,27 @@ def has_idle_driver() -> bool:
     return False
 
 
+def is_rationed() -> bool:
+    """Whether this process's control group, or one around it, may have so much processor time and no more."""
+    with contextlib.suppress(OSError):
+        for line in OWN_GROUPS.read_text().splitlines():
+            _, controllers, path = line.split(":", 2)
+            top = GROUPS / controllers if "cpu" in controllers.split(",") else GROUPS
+            group = top / path.strip("/")
+            if any(_is_rationed(folder) for folder in (group, *group.parents) if folder.is_relative_to(GROUPS)):
+                return True
+    return False
+
+
+def _is_rationed(group: Path) -> bool:
+    for name in RATIONS:
+        with contextlib.suppress(OSError):
+            return (group / name).read_text().split()[0] not in UNRATIONED
+    return False
+
+
 def keep_awake(log_folder: Path, environment: dict[str, str]) -> list[Child]:
-    """Start one on each processor that this process may use, unless the kernel can do without; nodes are told of it.
+    """Start one on each processor that this process may use, unless the kernel can do without or time is rationed.
 
     Parameters
     ----------
@@ -43,7 +67,7 @@ def keep_awake(log_folder: Path, environment: dict[str, str]) -> list[Child]:
     list of Child
         To be stopped.
     """
-    if has_idle_driver():
+    if has_idle_driver() or is_rationed():
         return []
     environment[AWAKE_VARIABLE] = "1"
     return [_on(processor, log_folder, environment) for processor in sorted(os.sched_getaffinity(0))]

@@ -1,7 +1,6 @@
 """Starts the nodes, brings them to life in order, watches them and stops them, whatever happens."""
 
 import json
-import math
 import shlex
 import signal
 import sys
@@ -19,7 +18,7 @@ from bringup.bags.recorder import mend
 from bringup.designs import DESIGNED
 from bringup.errors import BringupError, InterruptedRunError, RunError
 from bringup.ros.awake import keep_awake
-from bringup.ros.health import MissedTick, missed_ticks
+from bringup.ros.health import MissedTick, missed_ticks, reported
 from bringup.ros.modules import MODULES, parameter_file
 from bringup.ros.own_nodes import OwnNodes
 from bringup.ros.processes import Child, Domain, ros_environment, start, stop
@@ -148,9 +147,9 @@ def run_graph(
                     result = GraphRun(
                         bag=out_dir / "bag",
                         ticks=scenario.ticks,
-                        wall_seconds=float(health.get("wall_seconds", math.nan)),
+                        wall_seconds=reported(health, "wall_seconds"),
                         start_seconds=start_seconds,
-                        missed_ticks=int(health.get("missed_ticks", 0)),
+                        missed_ticks=int(reported(health, "missed_ticks", 0.0)),
                         latency_ms=_latencies(health),
                         domain=domain.number,
                         restarts=tuple(supervisor.restarts),
@@ -173,9 +172,7 @@ def run_graph(
 
 
 def _latencies(health: Mapping[str, str]) -> tuple[float, float, float]:
-    p50, p99, most = (
-        float(health.get(f"command_latency_{quantile}_ms", math.nan)) for quantile in ("p50", "p99", "max")
-    )
+    p50, p99, most = (reported(health, f"command_latency_{quantile}_ms") for quantile in ("p50", "p99", "max"))
     return p50, p99, most
 
 

@@ -1,10 +1,14 @@
-"""How the nodes of a run fared, from their own health reports: a row for each node, and the missed ticks."""
+"""How the nodes of a run fared, from their own health reports: a row for each node, and the missed ticks.
+
+Anybody may publish on /diagnostics, in a node's name too: what makes no sense counts as not reported.
+"""
 
 import json
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from statistics import median
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -52,9 +56,9 @@ def missed_ticks(reports: Iterable[Mapping[str, str]], sample_time_s: float) -> 
     missed: set[int] = set()
     late_s: dict[int, float] = {}
     for values in reports:
-        epoch_s = float(values.get("epoch_monotonic_s", epoch_s))
-        missed.update(json.loads(values.get("missed_at", "[]")))
-        late_s.update(json.loads(values.get("late_commands", "[]")))
+        epoch_s = reported(values, "epoch_monotonic_s", epoch_s)
+        missed.update(k for k in _items(values, "missed_at") if type(k) is int)
+        late_s.update(pair for pair in _items(values, "late_commands") if _is_late(pair))
     return tuple(MissedTick(k, epoch_s + k * sample_time_s, late_s.get(k, math.nan)) for k in sorted(missed))
 
 
@@ -84,13 +88,28 @@ def _ends(rows: list[Mapping[str, str]], key: str) -> list[float]:
 
 
 def _numbers(rows: list[Mapping[str, str]], key: str) -> list[float]:
-    values = [_number(row[key]) for row in rows if key in row]
+    values = [reported(row, key) for row in rows]
     return [value for value in values if math.isfinite(value)]
 
 
-def _number(text: str) -> float:
-    """A number, or nan for what is none: anybody may publish on /diagnostics."""
+def _items(values: Mapping[str, str], key: str) -> list[Any]:
+    """What is listed under a key, as JSON."""
     try:
-        return float(text)
-    except ValueError:
-        return math.nan
+        items = json.loads(values.get(key, "[]"))
+    except (ValueError, RecursionError):
+        return []
+    return items if isinstance(items, list) else []
+
+
+def _is_late(pair: Any) -> bool:
+    """Whether it is a tick and how late its command was, s."""
+    return isinstance(pair, list) and [type(value) for value in pair] == [int, float]
+
+
+def reported(values: Mapping[str, str], key: str, otherwise: float = math.nan) -> float:
+    """Read the finite number that a health report has under `key`, `otherwise` where it has none."""
+    try:
+        value = float(values[key])
+    except (KeyError, ValueError):
+        return otherwise
+    return value if math.isfinite(value) else otherwise

@@ -76,6 +76,14 @@ def test_a_run_leaves_bag_summary_and_report_and_agrees_with_the_simulation(name
         (row.detected, row.isolated) for row in alone.status
     ]
 
+    replay = acftc("replay", str(tmp_path / "bag"), "--node", "fdi", "--json", environment=environment)
+    out, err = replay.communicate(timeout=240)
+    assert replay.returncode == 0, err
+    answer = json.loads(out)
+    assert answer["compared"] == answer["identical"] == 6 * 120
+
+    if name != next(iter(SHORT)):
+        return
     # Whatever is left of a recording has a report, as soon as there is a tick in it.
     (file,) = (tmp_path / "bag").glob("*.mcap")
     cut = tmp_path / "cut.mcap"
@@ -86,12 +94,6 @@ def test_a_run_leaves_bag_summary_and_report_and_agrees_with_the_simulation(name
     assert not json.loads(out)["complete"]
     assert 10 < json.loads(out)["ticks"] < 120
     assert "cut short" in (tmp_path / "cut.html").read_text()
-
-    replay = acftc("replay", str(tmp_path / "bag"), "--node", "fdi", "--json", environment=environment)
-    out, err = replay.communicate(timeout=240)
-    assert replay.returncode == 0, err
-    answer = json.loads(out)
-    assert answer["compared"] == answer["identical"] == 6 * 120
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -116,6 +118,8 @@ def test_a_run_that_is_stopped_says_so_in_one_line_and_leaves_a_readable_bag(tmp
     assert not recording.metadata["complete"]
     assert np.isfinite(recording.series["plant/evaporator_pressure"]).sum() > 50
 
+    if number != signal.SIGINT:
+        return
     # A report can be had of what is there.
     report = acftc("report", str(tmp_path / "bag"), environment=environment)
     _, err = report.communicate(timeout=240)

@@ -68,6 +68,34 @@ def test_latency_of_the_processors_is_held_at_zero(tmp_path: Path, monkeypatch: 
     assert care._keep_awake() == "processors may doze (no cpuidle driver)"
 
 
+@pytest.mark.parametrize(
+    ("groups", "limits", "rationed"),
+    [
+        ("0::/a/b\n", {}, False),
+        ("0::/a/b\n", {"a/b/cpu.max": "max 100000", "a/cpu.max": "max 100000"}, False),
+        ("0::/a/b\n", {"a/b/cpu.max": "150000 100000"}, True),
+        ("0::/a/b\n", {"a/b/cpu.max": "max 100000", "a/cpu.max": "50000 100000"}, True),
+        ("0::/elsewhere\n", {"cpu.max": "150000 100000"}, True),  # as a container sees itself
+        ("4:memory:/m\n1:cpu:/\n0::/\n", {"cpu/cpu.cfs_quota_us": "-1"}, False),
+        ("4:memory:/m\n1:cpu:/c\n0::/\n", {"cpu/c/cpu.cfs_quota_us": "50000"}, True),
+    ],
+)
+def test_processor_time_that_is_rationed_is_not_used_up(
+    groups: str, limits: dict[str, str], rationed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(awake, "GROUPS", tmp_path / "cgroup")
+    monkeypatch.setattr(awake, "OWN_GROUPS", tmp_path / "own")
+    monkeypatch.setattr(awake, "IDLE_DRIVER", tmp_path / "missing")
+    (tmp_path / "own").write_text(groups)
+    for name, content in limits.items():
+        file = tmp_path / "cgroup" / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(content + "\n")
+    assert awake.is_rationed() == rationed
+    if rationed:
+        assert awake.keep_awake(tmp_path, {}) == []
+
+
 @pytest.mark.ros
 def test_processors_that_the_kernel_would_halt_have_something_to_do(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -75,6 +103,7 @@ def test_processors_that_the_kernel_would_halt_have_something_to_do(
     """Each has a process of its own, behind everything else, that is gone when it is told to."""
     driver, environment = tmp_path / "current_driver", ros_environment()
     monkeypatch.setattr(awake, "IDLE_DRIVER", driver)
+    monkeypatch.setattr(awake, "OWN_GROUPS", tmp_path / "missing")
     driver.write_text("acpi_idle\n")
     assert awake.keep_awake(tmp_path, environment) == []
     assert awake.AWAKE_VARIABLE not in environment
@@ -210,6 +239,17 @@ def test_missed_ticks_are_gathered_from_all_reports() -> None:
     assert missed_ticks([], 0.1) == ()
 
 
+NONSENSE = st.sampled_from(["", "nan", "-inf", "{}", "[", "[[]]", "[null, 7.0, true]", '[["a", 1], [3]]', "[" * 9_999])
+
+
+@given(st.dictionaries(st.sampled_from(["epoch_monotonic_s", "missed_at", "late_commands", "overruns"]), NONSENSE))
+def test_what_makes_no_sense_in_a_report_is_not_reported(values: dict[str, str]) -> None:
+    sensible = {"epoch_monotonic_s": "100.0", "missed_at": "[2]", "late_commands": "[[2, 0.001]]", "overruns": "3"}
+    assert missed_ticks([sensible, values], 0.1) == (MissedTick(2, 100.2, 0.001),)
+    (row,) = health_of([("plant", sensible), ("plant", values)])
+    assert row.overruns == 3
+
+
 def test_growth_is_that_after_the_first_minute() -> None:
     time_s = list(range(0, 600, 10))
     warming = [80.0 + min(t, 50) for t in time_s]
@@ -264,7 +304,8 @@ def test_a_long_run_shortened(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert lost_messages(missing_messages(raw, 80), missed, health_reports(raw)) == {}, said
     states = {values.get("realtime_care", "") for values in _last_health(tmp_path)}
     assert any(state.startswith("memory") for state in states) or os.getuid() != 0, states
-    assert awake.has_idle_driver() or any(state.endswith("kept awake by idle processes") for state in states), states
+    if not (awake.has_idle_driver() or awake.is_rationed()):
+        assert any(state.endswith("kept awake by idle processes") for state in states), states
 
 
 def _last_health(out: Path) -> list[dict[str, str]]:

@@ -101,7 +101,7 @@ def test_growth_is_noticed() -> None:
 def test_tiny_runs_through_the_graph_leave_nothing_behind() -> None:
     # In a process of its own: what earlier tests of this one still have mapped would be counted, too.
     script = Path(__file__).with_name("tiny_runs.py")
-    command = [sys.executable, str(script), "--graph", "--runs", "3"]
+    command = [sys.executable, str(script), "--graph", "--runs", "2"]
     result = subprocess.run(command, capture_output=True, text=True, check=False, timeout=200)
     assert result.returncode == 0, (result.stdout + result.stderr)[-3000:]
 
