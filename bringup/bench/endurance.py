@@ -70,6 +70,13 @@ def node_memory_mb() -> dict[str, float]:
     return found
 
 
+def dropped_datagrams() -> int:
+    """How many UDP datagrams have found their receiver's buffer full since this machine started."""
+    lines = Path("/proc/net/snmp").read_text().splitlines()
+    names, values = (line.split() for line in lines if line.startswith("Udp:"))
+    return int(values[names.index("RcvbufErrors")])
+
+
 def growth_mb(time_s: Sequence[float], memory_mb: Sequence[float], first_s: float) -> float:
     """How much memory has grown after the first `first_s`: median of the last quarter minus that of the first one."""
     times, memory = np.array(time_s), np.array(memory_mb)
@@ -149,9 +156,11 @@ def run(seconds: float, sample_time_s: float, out: Path) -> int:
     watch = Watch(period_s=max(1.0, min(30.0, seconds / 40.0)))
     print("resident memory, MB: " + " ".join(f"{name:>16}" for name in COLUMNS), flush=True)
     probes = start_host_noise(seconds + 60.0)
+    dropped = dropped_datagrams()
     done = run_graph(scenario, out, mode="realtime", progress=watch, care=True)
     noise = host_noise(probes)
     print(f"{done.ticks} ticks at {1 / sample_time_s:g} Hz in {done.wall_seconds:.1f} s, {len(done.restarts)} restarts")
+    print(f"datagrams dropped on this machine, their receivers' buffers being full: {dropped_datagrams() - dropped}")
     raw = read_raw(done.bag)
     broken = [*judge_memory(watch, first_s), *judge_ticks(done, raw, noise, sample_time_s), *judge_bag(done, raw)]
     print("; ".join(broken) if broken else "all promises kept")

@@ -299,6 +299,7 @@ def test_a_long_run_shortened(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert "bag complete: True" in said, said
     assert "goes on growing, by" not in said, said
     assert "by our code" in said
+    assert "buffers being full: " in said
     raw = read_raw(tmp_path / "bag")
     missed = int(said.partition("ticks missed: ")[2].partition(";")[0])
     assert lost_messages(missing_messages(raw, 80), missed, health_reports(raw)) == {}, said
