@@ -52,7 +52,7 @@ def _is_rationed(group: Path) -> bool:
     return False
 
 
-def keep_awake(log_folder: Path, environment: dict[str, str]) -> list[Child]:
+def keep_awake(log_folder: Path, environment: Mapping[str, str]) -> list[Child]:
     """Start one on each processor that this process may use, unless the kernel can do without or time is rationed.
 
     Parameters
@@ -60,16 +60,15 @@ def keep_awake(log_folder: Path, environment: dict[str, str]) -> list[Child]:
     log_folder
         Where they log.
     environment
-        Of the nodes to come, in which they find that it has been done.
+        Theirs.
 
     Returns
     -------
     list of Child
-        To be stopped.
+        To be stopped; while there are any, nodes find `AWAKE_VARIABLE` in their environment.
     """
     if has_idle_driver() or is_rationed():
         return []
-    environment[AWAKE_VARIABLE] = "1"
     return [_on(processor, log_folder, environment) for processor in sorted(os.sched_getaffinity(0))]
 
 

@@ -17,7 +17,7 @@ import yaml
 from bringup.bags.recorder import mend
 from bringup.designs import DESIGNED
 from bringup.errors import BringupError, InterruptedRunError, RunError
-from bringup.ros.awake import keep_awake
+from bringup.ros.awake import AWAKE_VARIABLE, keep_awake
 from bringup.ros.health import MissedTick, missed_ticks, reported
 from bringup.ros.modules import MODULES, parameter_file
 from bringup.ros.own_nodes import OwnNodes
@@ -120,20 +120,22 @@ def run_graph(
             try:
                 if mode == "realtime" and care:
                     idle = keep_awake(out_dir / "log", environment)
+                # Theirs alone: the supervisor makes the other one that of this process.
+                of_nodes = {**environment, **({AWAKE_VARIABLE: "1"} if idle else {})}
                 for name, module in MODULES.items():
                     arguments = node_arguments(module, name, parameters[name], out_dir / "log", own)
                     if name in own.by_hand:
                         say(_how_to_start(name, arguments, domain.number))
                         continue
                     program, *_ = own.commands.get(name, (sys.executable,))
-                    children[name] = start(name, arguments, out_dir / "log", environment, program)
+                    children[name] = start(name, arguments, out_dir / "log", of_nodes, program)
                 from bringup.ros.supervisor import Supervisor  # takes its time: meanwhile the nodes are starting, too
 
                 managed = {**children, **dict.fromkeys(own.by_hand)}
 
                 def revive(name: str, changed: dict[str, Any]) -> Child:
                     stop([children[name]], patience_s=0.0)  # what its process may have left in its group
-                    children[name] = start_again(name, parameters[name], out_dir / "log", environment, own, changed)
+                    children[name] = start_again(name, parameters[name], out_dir / "log", of_nodes, own, changed)
                     return children[name]
 
                 # In lockstep nothing may be lost: there a dead node is the end of the run.
