@@ -24,7 +24,7 @@ from bringup.bench.children import node_pids, resident_mb
 from bringup.bench.figures import HostNoise, host_noise, start_host_noise
 from bringup.bench.host_noise import STALL_S, lost_s, missed_by_us
 from bringup.ros.graph import GraphRun, run_graph
-from bringup.ros.health import missed_ticks
+from bringup.ros.health import missed_ticks, reported
 from bringup.ros.modules import MODULES
 from bringup.scenario import check
 from bringup.topics import INJECTOR, NAMESPACE, PLANT, TOPICS
@@ -121,7 +121,7 @@ def lost_messages(
     lost = {}
     for name, count in missing.items():
         kind, _, quantity = name.partition("/")
-        unmeasured = int(lacked.get(f"missing/plant/{quantity}", 0)) if kind == "measured" else 0
+        unmeasured = reported(lacked, f"missing/plant/{quantity}", 0.0) if kind == "measured" else 0.0
         if count > max(missed, unmeasured):
             lost[name] = count
     return lost

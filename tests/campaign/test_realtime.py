@@ -110,11 +110,17 @@ def test_processors_that_the_kernel_would_halt_have_something_to_do(
     children = awake.keep_awake(tmp_path, environment)
     pids = [child.process.pid for child in children]
     until_s = time.monotonic() + 30.0
-    while any(len(os.sched_getaffinity(pid)) > 1 for pid in pids) and time.monotonic() < until_s:
-        time.sleep(0.01)  # nothing announces it
-    assert {os.sched_getscheduler(pid) for pid in pids} == {os.SCHED_IDLE}
-    assert set.union(*(os.sched_getaffinity(pid) for pid in pids)) == os.sched_getaffinity(0)
-    stop(children)
+
+    def are_idle() -> bool:
+        return all(os.sched_getscheduler(pid) == os.SCHED_IDLE and len(os.sched_getaffinity(pid)) == 1 for pid in pids)
+
+    try:
+        while not are_idle() and time.monotonic() < until_s:
+            time.sleep(0.01)  # nothing announces it
+        assert are_idle()
+        assert set.union(*(os.sched_getaffinity(pid) for pid in pids)) == os.sched_getaffinity(0)
+    finally:
+        stop(children)
     assert {child.end for child in children} == {"SIGTERM"}
     monkeypatch.setenv(awake.AWAKE_VARIABLE, "1")
     assert Care()._keep_awake() == "processors kept awake by idle processes"
