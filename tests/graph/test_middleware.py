@@ -65,6 +65,10 @@ def test_what_the_user_has_chosen_is_left_alone(
 def test_the_two_profiles_differ_in_where_messages_go_alone() -> None:
     anywhere, this_host = (ET.parse(file).getroot() for file in (FASTDDS_PROFILE, FASTDDS_THIS_HOST))
     space = {"": this_host.tag.partition("}")[0].strip("{")}
+    # The same size, said of our own transport there and of the built-in ones here.
+    own = this_host.findtext("*/*/receiveBufferSize", None, space)
+    assert own == anywhere.findtext("*/*/listenSocketBufferSize", None, space) is not None
+    _drop(anywhere, "*/rtps", "listenSocketBufferSize", space)
     for parent, child in ((".", "transport_descriptors"), ("*/rtps", "userTransports")):
         _drop(this_host, parent, child, space)
     _drop(this_host, "*/rtps", "useBuiltinTransports", space)
