@@ -63,10 +63,10 @@ class RecorderNode(NodeShell):
         self._last_ns = 0
         run = json.loads(self.value("run"))
         self._bag = BagWriter(Path(self.value("folder")), topics, run, append=self.value("append"))
-        self._raw = Subscriptions(self.context, True, self._write)
+        self._raw = Subscriptions(self.context, self._write)
         for topic in topics:
             qos = LOOP_QOS if topic.deadline_s else PLAIN_QOS
-            self._raw.add(self.subscribe(topic.type, topic.name, qos, raw=True))
+            self._raw.add(self.subscribe(topic.type, topic.name, qos))
 
     def work(self, executor: SingleThreadedExecutor) -> None:
         """Take what has piled up now and then: waking for every single message would cost more than writing it."""

@@ -150,13 +150,13 @@ class Link:
         self._reconfiguring: threading.Thread | None = None
         self._stack = ExitStack()
         self._node, self._executor = self._stack.enter_context(guest(PAGE, NAMESPACE, domain))
-        self._loop = Subscriptions(self._node.context, True, self._take)
+        self._loop = Subscriptions(self._node.context, self._take)
         self._readers: list[Callable[[bytes], None]] = []
         for name in TOPIC_NAMES:
             topic = BY_NAME[name]
             kind, group = message_class(topic.type), Gate(is_open=False)
             full = f"{NAMESPACE}/{name}"
-            self._loop.add(self._node.create_subscription(kind, full, _nothing, QOS, callback_group=group, raw=True))
+            self._loop.add(self._node.create_subscription(kind, full, _nothing, QOS, callback_group=group))
             self._readers.append(self._read_status if topic.type == DIAGNOSTICS else self._reader(name))
         self._node.create_subscription(DiagnosticArray, "/diagnostics", self._hear_health, PLAIN_QOS)
         self._node.create_subscription(ParameterEvent, "/parameter_events", self._hear_parameters, PLAIN_QOS)

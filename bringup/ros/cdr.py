@@ -101,6 +101,32 @@ def packer(topic: Topic) -> Packer:
     return pack
 
 
+def unpacker(topic: Topic) -> Callable[[bytes], tuple[int, tuple[float, ...]] | None]:
+    """Return the inverse of `packer`, for a topic that holds numbers: stamp in ns and values of a message.
+
+    It gives None for a message whose other bytes are not those that `packer` writes: from another publisher, or no
+    message of this topic at all.
+    """
+    template, offsets = _template(topic)
+    # In turn the bytes that are always the same, and a value; in a message a position comes before a velocity.
+    starts = sorted(offsets)
+    ends = [12, *(start + _DOUBLE.size for start in starts)]
+    lengths = [start - end for start, end in zip([*starts, len(template)], ends, strict=True)]
+    layout = struct.Struct("<4siI" + "d".join(f"{length}s" for length in lengths))
+    same = layout.unpack(template)[3::2]
+    places = [4 + 2 * starts.index(offset) for offset in offsets]
+
+    def unpack(data: bytes) -> tuple[int, tuple[float, ...]] | None:
+        if len(data) != layout.size:
+            return None
+        found = layout.unpack(data)
+        if found[0] != _ENCAPSULATION or found[3::2] != same:
+            return None
+        return found[1] * NANOSECONDS + found[2], tuple([found[place] for place in places])
+
+    return unpack
+
+
 def _template(topic: Topic) -> tuple[bytearray, list[int]]:
     """A message of `topic` and where its values are."""
     sink = _Sink()

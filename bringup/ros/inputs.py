@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
@@ -11,11 +11,11 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.signals import SignalHandlerGuardCondition
 from rclpy.subscription import Subscription
 
-from bringup.ros.messages import BadMessage, reader, stamp_ns
-from bringup.ros.ticks import TickSet, Timeline, Values, WallClockSet, Writer
+from bringup.ros.messages import BadMessage, Reader, reader
+from bringup.ros.ticks import TickSet, Timeline, WallClockSet, Writer
 
-#: Number of the subscription, message, and the publisher's own number of it (None where the middleware has none).
-Arrival = tuple[int, Any, int | None]
+#: Number of the subscription, serialised message, and the publisher's own number of it (None: the middleware has none).
+Arrival = tuple[int, bytes, int | None]
 
 
 class Gate(CallbackGroup):  # type: ignore[misc]
@@ -42,12 +42,11 @@ class Subscriptions:
 
     The executor makes a task for every message and rebuilds a wait set with all services, timers and events twice for
     each, which costs more than all of the loop's mathematics. Here the wait set holds these subscriptions and nothing
-    else, and one wake takes whatever has arrived: `act` gets it as a list of `Arrival`.
+    else, and one wake takes whatever has arrived: `act` gets it, serialised, as a list of `Arrival`.
     """
 
-    def __init__(self, context: Context, raw: bool, act: Callable[[list[Arrival]], bool]) -> None:
+    def __init__(self, context: Context, act: Callable[[list[Arrival]], bool]) -> None:
         self._context = context
-        self._raw = raw
         self._act = act
         self._sources: list[tuple[int, Any, Any]] = []
         self._wait_set: Any = None
@@ -62,14 +61,17 @@ class Subscriptions:
         self._wait_set = None
         return len(self._sources) - 1
 
-    def wait(self, timeout_s: float) -> bool:
-        """Wait until something arrives, a signal comes or the time is over, act on what is there; what `act` said."""
+    def wait(self, timeout_s: float, numbers: Sequence[int] | None = None) -> bool:
+        """Wait until something arrives, a signal comes or the time is over, act on what is there; what `act` said.
+
+        With `numbers` only these subscriptions end the wait; messages of all of them are taken then.
+        """
         if self._wait_set is None:
             self._wait_set = _rclpy.WaitSet(len(self._sources), 1, 0, 0, 0, 0, self._context.handle)
         wait_set = self._wait_set
         wait_set.clear_entities()
-        for _, handle, _ in self._sources:
-            wait_set.add_subscription(handle)
+        for number in range(len(self._sources)) if numbers is None else numbers:
+            wait_set.add_subscription(self._sources[number][1])
         wait_set.add_guard_condition(self._signals.handle)
         wait_set.wait(max(int(timeout_s * 1e9), 0))
         return self.take()
@@ -82,9 +84,8 @@ class Subscriptions:
     def arrived(self) -> list[Arrival]:
         """All messages that are there."""
         messages: list[Arrival] = []
-        raw = self._raw
         for number, handle, type_ in self._sources:
-            while (taken := handle.take_message(type_, raw)) is not None:
+            while (taken := handle.take_message(type_, True)) is not None:
                 messages.append((number, taken[0], taken[1]["publication_sequence_number"]))
         return messages
 
@@ -104,8 +105,9 @@ class LoopInputs:
         self._rejected = rejected
         self.timeline = timeline
         self._generation = timeline.generation if timeline else 0
-        self._readers: list[tuple[TickSet | WallClockSet, str, Callable[[Any], Values], Writer]] = []
+        self._readers: list[tuple[TickSet | WallClockSet, str, Reader, Writer]] = []
         self._sets: list[TickSet | WallClockSet] = []
+        self._numbers: list[range] = []  # of the subscriptions of each set
         self._clocked: list[WallClockSet] = []
 
     def add(self, tick_set: TickSet | WallClockSet) -> None:
@@ -113,6 +115,7 @@ class LoopInputs:
         self._sets.append(tick_set)
         if isinstance(tick_set, WallClockSet):
             self._clocked.append(tick_set)
+        self._numbers.append(range(len(self._readers), len(self._readers) + len(tick_set.topics)))
         self._readers += [(tick_set, topic.name, reader(topic), Writer()) for topic in tick_set.topics]
 
     def clear(self) -> None:
@@ -136,11 +139,10 @@ class LoopInputs:
                 self._rejected(name, "stranger", f"message {sequence} of a second publisher")
                 continue
             try:
-                values = read(message)
+                stamp, values = read(message)
             except BadMessage as problem:
                 self._rejected(name, problem.reason, str(problem))
                 continue
-            stamp = stamp_ns(message)
             if self.timeline is not None and (reason := self.timeline.refuse(stamp, now_ns)):
                 self._rejected(name, reason, f"{name}: stamp {stamp / 1e9:.3f} s: {reason}")
                 continue
@@ -159,6 +161,18 @@ class LoopInputs:
             tick_set.act(*arguments)
             over = over or tick_set is self._sets[-1]
         return over
+
+    def awaited(self) -> list[int]:
+        """Numbers of the subscriptions that are worth waking for: of a tick under way only one that it still lacks.
+
+        A tick's messages come one by one within a few hundred microseconds. To wake for each costs more than what is
+        done with them; the first is wanted at once, as it tells when the tick began.
+        """
+        found: list[int] = []
+        for tick_set, numbers in zip(self._sets, self._numbers, strict=True):
+            lacking = tick_set.lacking()
+            found += numbers if lacking is None else (numbers[lacking],)
+        return found
 
     def due_s(self) -> float:
         """When the next tick is due although something is missing (monotonic clock); never in lockstep."""

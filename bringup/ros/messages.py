@@ -5,10 +5,15 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
-from bringup.ros.cdr import NANOSECONDS, status_row
+from rclpy.serialization import deserialize_message
+
+from bringup.ros.cdr import NANOSECONDS, read_diagnostics, status_row, unpacker
+from bringup.ros.cdr import stamp_ns as serialised_stamp_ns
 from bringup.topics import DIAGNOSTICS, JOINT_FIELD, JOINTS, PRESSURE, TEMPERATURE, Topic
 
 Values = tuple[Any, ...]
+#: Stamp in ns and values of a serialised message.
+Reader = Callable[[bytes], tuple[int, Values]]
 
 
 class BadMessage(ValueError):  # noqa: N818  (reads as what it is: a message, and a bad one)
@@ -31,7 +36,45 @@ def stamp_ns(message: Any) -> int:
     return int(stamp.sec * NANOSECONDS + stamp.nanosec)
 
 
-def reader(topic: Topic) -> Callable[[Any], Values]:
+def reader(topic: Topic) -> Reader:
+    """Return the function that turns a serialised message of `topic` into its stamp in ns and its values.
+
+    A message that is laid out as this loop's own are is read without the middleware, which takes a tenth of the time.
+    The function raises `BadMessage` for one that must not be acted upon.
+    """
+    check, kind = message_reader(topic), message_class(topic.type)
+
+    def read_any(data: bytes) -> tuple[int, Values]:
+        try:
+            message = deserialize_message(data, kind)
+        except Exception as problem:  # RMWError, but also what a text that is no UTF-8 raises
+            msg = f"{topic.name}: {len(data)} bytes that are no {topic.type}"
+            raise BadMessage(msg) from problem
+        return stamp_ns(message), check(message)
+
+    if topic.type == DIAGNOSTICS:
+
+        def read_status(data: bytes) -> tuple[int, Values]:
+            try:
+                first = read_diagnostics(data)[0]
+                stamp = serialised_stamp_ns(data)
+                return stamp, (status_row(first.values, stamp / NANOSECONDS),)
+            except (ValueError, IndexError):
+                return read_any(data)
+
+        return read_status
+    unpack, spans = unpacker(topic), topic.spans
+
+    def read(data: bytes) -> tuple[int, Values]:
+        found = unpack(data)
+        if found is not None and all(low <= value <= high for value, (low, high) in zip(found[1], spans, strict=True)):
+            return found
+        return read_any(data)
+
+    return read
+
+
+def message_reader(topic: Topic) -> Callable[[Any], Values]:
     """Return the function that turns a message of `topic` into its values and raises `BadMessage` for a bad one."""
     if topic.type == DIAGNOSTICS:
         return _read_status

@@ -146,7 +146,7 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
                 self.inputs.act_on_due()
                 tick_due_s = self.inputs.due_s()
             until_s = min(latest_s, self.deadline_s - DEADLINE_MARGIN_S, tick_due_s)
-            tick_is_over = self.loop_subscriptions.wait(until_s - now)
+            tick_is_over = self.loop_subscriptions.wait(until_s - now, self.inputs.awaited())
             # Between its part in this tick and the next one a node holds nobody up.
             if tick_is_over and time.monotonic() >= due_s:
                 break
@@ -286,11 +286,11 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         """How many ticks lie between two."""
         return round((time_ns - since_ns) / 1e9 / self.sample_time_s) - 1
 
-    def subscribe(self, type_name: str, name: str, qos: QoSProfile, raw: bool = False) -> Subscription:
+    def subscribe(self, type_name: str, name: str, qos: QoSProfile) -> Subscription:
         """Create a subscription that the executor leaves alone, for `Subscriptions` to take from."""
         group = Gate(is_open=False)
         kind = message_class(type_name)
-        subscription = self.create_subscription(kind, name, _nothing, qos, callback_group=group, raw=raw)
+        subscription = self.create_subscription(kind, name, _nothing, qos, callback_group=group)
         self._subscribed.append(subscription)
         return subscription
 
@@ -357,7 +357,7 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
 
     def _new_inputs(self) -> None:
         self.inputs = LoopInputs(self.reject)
-        self.loop_subscriptions = Subscriptions(self.context, False, self.inputs.take)
+        self.loop_subscriptions = Subscriptions(self.context, self.inputs.take)
 
     def _forget(self) -> None:
         self._new_inputs()

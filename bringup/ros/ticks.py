@@ -57,10 +57,21 @@ class TickSet:
         self._waiting = {stamp: rest for stamp, rest in self._waiting.items() if stamp > time_ns}
         return (time_ns, *(value for topic_ in self.topics for value in got[topic_.name]))
 
+    def lacking(self) -> int | None:
+        """Place among `topics` of the last one that the newest tick under way lacks; None when none is under way."""
+        return _lacking(self.topics, self._waiting)
+
     def clear(self) -> None:
         """Forget everything, as before the first tick."""
         self.last_ns = -1
         self._waiting.clear()
+
+
+def _lacking(topics: tuple[Topic, ...], waiting: Mapping[int, Mapping[str, Values]]) -> int | None:
+    if not waiting:
+        return None
+    got = waiting[max(waiting)]
+    return next((i for i in range(len(topics) - 1, -1, -1) if topics[i].name not in got), None)
 
 
 class Timeline:
@@ -199,6 +210,10 @@ class WallClockSet:
         # A plant may stamp by a clock that jitters: what has come for about this tick is this tick.
         come = [stamp for stamp in self._waiting if self.last_ns < stamp < tick_ns + period_ns // 2]
         return self._close(max(come, key=lambda stamp: (len(self._waiting[stamp]), stamp), default=tick_ns))
+
+    def lacking(self) -> int | None:
+        """Place among `topics` of the last one that the newest tick under way lacks; None when none is under way."""
+        return _lacking(self.topics, self._waiting)
 
     def clear(self) -> None:
         """Forget everything, as before the first tick."""

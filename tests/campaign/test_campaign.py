@@ -26,7 +26,7 @@ from bringup.campaign.plan import (
 from bringup.campaign.run import as_dict, run_seed
 from bringup.cli import main
 from bringup.errors import BringupError
-from bringup.ros.messages import BadMessage, message_class, reader
+from bringup.ros.messages import BadMessage, message_class, message_reader
 from bringup.ros.restarts import Restart
 from bringup.topics import BY_NAME, CONTROLLER, FDI, RECORDER
 
@@ -106,7 +106,7 @@ def test_spoiled_values_are_such_as_a_node_refuses(kind: str, topic: str, values
     else:
         message.fluid_pressure = letter.values[0]
     with pytest.raises(BadMessage) as refused:
-        reader(described)(message)
+        message_reader(described)(message)
     assert refused.value.reason == REASONS[kind]  # type: ignore[index]
 
 

@@ -156,6 +156,19 @@ def test_broken_messages_are_refused_each_with_its_reason_and_the_loop_goes_on(l
 
 @pytest.mark.ros
 @pytest.mark.clock
+def test_bytes_that_are_no_message_are_refused_and_the_loop_goes_on(loop: Surroundings) -> None:
+    before = loop.health()
+    commands = []
+    for name in (P_E, Q):
+        commands += loop.tick(in_place_of(name, loop.packed(name)[:32], loop=loop)) + loop.tick(n=2)
+    assert len(commands) >= 5
+    health = loop.health()
+    assert int(health["rejected/malformed"]) == int(before.get("rejected/malformed", 0)) + 2
+    assert health["last_rejected"] == "compensator/q: 32 bytes that are no sensor_msgs/msg/JointState"
+
+
+@pytest.mark.ros
+@pytest.mark.clock
 def test_missing_double_and_late_messages_are_counted_and_do_no_harm(loop: Surroundings) -> None:
     before = loop.health()
     calm = loop.tick(n=2)[-1]
