@@ -79,7 +79,10 @@ def _on(processor: int, log_folder: Path, environment: Mapping[str, str]) -> Chi
 def main() -> None:
     """Be busy with nothing on one processor until told to end."""
     end_with_parent()
-    os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))  # before anything else: never without it
+    try:
+        os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))  # before anything else: never without it
+    except OSError as problem:
+        sys.exit(f"SCHED_IDLE: {problem.strerror}")
     os.sched_setaffinity(0, {int(sys.argv[1])})
     while True:
         pass

@@ -168,11 +168,8 @@ class LoopInputs:
         A tick's messages come one by one within a few hundred microseconds. To wake for each costs more than what is
         done with them; the first is wanted at once, as it tells when the tick began.
         """
-        found: list[int] = []
-        for tick_set, numbers in zip(self._sets, self._numbers, strict=True):
-            lacking = tick_set.lacking()
-            found += numbers if lacking is None else (numbers[lacking],)
-        return found
+        both = zip(self._sets, self._numbers, strict=True)
+        return [numbers[place] for tick_set, numbers in both for place in tick_set.lacking()]
 
     def due_s(self) -> float:
         """When the next tick is due although something is missing (monotonic clock); never in lockstep."""

@@ -5,7 +5,7 @@ it does not: when a message stays away the tick goes on with the one before, or 
 from what is stale, `Writer` the publisher that a topic belongs to from a stranger.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -57,8 +57,8 @@ class TickSet:
         self._waiting = {stamp: rest for stamp, rest in self._waiting.items() if stamp > time_ns}
         return (time_ns, *(value for topic_ in self.topics for value in got[topic_.name]))
 
-    def lacking(self) -> int | None:
-        """Place among `topics` of the last one that the newest tick under way lacks; None when none is under way."""
+    def lacking(self) -> Collection[int]:
+        """Places among `topics`: of each tick under way the last one that it lacks; all when none is under way."""
         return _lacking(self.topics, self._waiting)
 
     def clear(self) -> None:
@@ -67,11 +67,11 @@ class TickSet:
         self._waiting.clear()
 
 
-def _lacking(topics: tuple[Topic, ...], waiting: Mapping[int, Mapping[str, Values]]) -> int | None:
+def _lacking(topics: tuple[Topic, ...], waiting: Mapping[int, Mapping[str, Values]]) -> Collection[int]:
+    places = range(len(topics))
     if not waiting:
-        return None
-    got = waiting[max(waiting)]
-    return next((i for i in range(len(topics) - 1, -1, -1) if topics[i].name not in got), None)
+        return places
+    return {max(place for place in places if topics[place].name not in got) for got in waiting.values()}
 
 
 class Timeline:
@@ -211,8 +211,8 @@ class WallClockSet:
         come = [stamp for stamp in self._waiting if self.last_ns < stamp < tick_ns + period_ns // 2]
         return self._close(max(come, key=lambda stamp: (len(self._waiting[stamp]), stamp), default=tick_ns))
 
-    def lacking(self) -> int | None:
-        """Place among `topics` of the last one that the newest tick under way lacks; None when none is under way."""
+    def lacking(self) -> Collection[int]:
+        """Places among `topics`: of each tick under way the last one that it lacks; all when none is under way."""
         return _lacking(self.topics, self._waiting)
 
     def clear(self) -> None:

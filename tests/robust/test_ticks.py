@@ -5,7 +5,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bringup.ros.ticks import FORGETS, MOST_LOST, REBASE_NS, WRITER_GONE_NS, Timeline, WallClockSet, Writer
+from bringup.ros.ticks import FORGETS, MOST_LOST, REBASE_NS, WRITER_GONE_NS, TickSet, Timeline, WallClockSet, Writer
 from bringup.topics import BY_NAME
 
 PERIOD = 100_000_000
@@ -176,3 +176,35 @@ def test_plant_that_stamps_by_a_jittering_clock_gets_one_answer_a_tick(ticks):
     run.feed(messages, BOOT + (len(ticks) + 1) * PERIOD - 1)
     assert [values[0] for _, _, values in run.acted] == [float(k) for k in range(len(ticks) + 1)]
     assert run.blind == []
+
+
+TRIO = tuple(BY_NAME[f"plant/{name}"] for name in ("evaporator_pressure", "superheat", "wall_temperature"))
+
+
+def woken_for(places):
+    """Ticks acted upon, and how often the node woke, when messages come in this order of topics."""
+    tick_set, sent, queue, acted, wakes = TickSet(TRIO, act=lambda *_: None), [0, 0, 0], [], [], 0
+    for place in places:
+        queue.append((place, sent[place]))
+        sent[place] += 1
+        if place in tick_set.lacking():
+            wakes += 1
+            taken, queue = sorted(queue), []  # as subscriptions are: one after the other
+            acted += [done for at, tick in taken if (done := tick_set.add(TRIO[at].name, tick, (at,)))]
+    assert not queue
+    return [stamp for stamp, *_ in acted], wakes
+
+
+@given(st.permutations([0, 1, 2] * 5))
+def test_who_wakes_for_what_a_tick_lacks_misses_none(places):
+    acted, wakes = woken_for(places)
+    assert acted == list(range(5))
+    assert wakes <= len(places)
+
+
+@given(st.lists(st.permutations([0, 1, 2]), min_size=1))
+def test_who_gets_tick_after_tick_wakes_for_the_first_message_and_for_what_is_lacking(ticks):
+    acted, wakes = woken_for([place for tick in ticks for place in tick])
+    assert acted == list(range(len(ticks)))
+    # The last topic of a tick is the one to wait for, after the first message: the others come along.
+    assert wakes == sum(2 if tick[2] == 2 or tick[:2] == [2, 0] else 3 for tick in ticks)
