@@ -84,8 +84,9 @@ class Subscriptions:
     def arrived(self) -> list[Arrival]:
         """All messages that are there."""
         messages: list[Arrival] = []
+        serialised = True
         for number, handle, type_ in self._sources:
-            while (taken := handle.take_message(type_, True)) is not None:
+            while (taken := handle.take_message(type_, serialised)) is not None:
                 messages.append((number, taken[0], taken[1]["publication_sequence_number"]))
         return messages
 

@@ -39,7 +39,7 @@ def stamp_ns(message: Any) -> int:
 def reader(topic: Topic) -> Reader:
     """Return the function that turns a serialised message of `topic` into its stamp in ns and its values.
 
-    A message that is laid out as this loop's own are is read without the middleware, which takes a tenth of the time.
+    A message that is laid out as this loop's own are is read here, in a sixth of the time that the middleware takes.
     The function raises `BadMessage` for one that must not be acted upon.
     """
     check, kind = message_reader(topic), message_class(topic.type)
