@@ -14,8 +14,8 @@ pytestmark = pytest.mark.ros
 
 
 SOONER = [
-    "duration_s=220",
-    "faults.0.onset_s=60",
+    "duration_s=130",
+    "faults.0.onset_s=40",
     *(
         f"references.{name}.0.{key}=10"
         for name in ("evaporator_pressure_kpa", "superheat_k")
