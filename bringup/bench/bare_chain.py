@@ -24,7 +24,7 @@ from rclpy.node import Node
 
 from bringup.ros.messages import message_class
 from bringup.ros.node_shell import LOOP_QOS
-from bringup.ros.processes import end_with_parent
+from bringup.ros.processes import end_with_parent, leave
 from bringup.topics import (
     BY_NAME,
     COMPENSATOR,
@@ -185,4 +185,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

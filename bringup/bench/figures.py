@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import select
 import statistics
 import subprocess
 import sys
@@ -21,11 +22,14 @@ from bringup.bench.recovery import recovery
 from bringup.errors import RunError
 from bringup.ros.graph import GraphRun, run_graph
 from bringup.ros.modules import MODULES
-from bringup.ros.processes import PARENT_VARIABLE, Domain, ros_environment
+from bringup.ros.processes import PARENT_VARIABLE, Domain, end, ros_environment
 from bringup.scenario import load
 from bringup.topics import PLANT, RECORDER
 
 Say = Callable[[str], None]
+
+#: How long the processes of the bare chain may take to find each other, s, and a tick that goes as fast as it can.
+START_S, MOST_S = 60.0, 1.0
 
 
 def bench(ticks: int = 1000, rounds: int = 3, realtime_s: float = 60.0, say: Say = lambda _: None) -> list[Figure]:
@@ -183,7 +187,14 @@ def host_noise(probes: "list[subprocess.Popen[str]]") -> HostNoise:
 def bare_chain(ticks: int, period_s: float = 0.0) -> dict[str, float]:
     """Figures of the bare chain over `ticks`: see `bringup.bench.bare_chain`."""
     domain = Domain()
-    environment = {**os.environ, **ros_environment(), "ROS_DOMAIN_ID": str(domain.number)}
+    try:
+        return _bare_chain(ticks, period_s, domain.number)
+    finally:
+        domain.release()
+
+
+def _bare_chain(ticks: int, period_s: float, domain: int) -> dict[str, float]:
+    environment = {**os.environ, **ros_environment(), "ROS_DOMAIN_ID": str(domain)}
     environment[PARENT_VARIABLE] = str(os.getpid())
     processes = {
         name: subprocess.Popen(
@@ -198,26 +209,30 @@ def bare_chain(ticks: int, period_s: float = 0.0) -> dict[str, float]:
     }
     try:
         for name, process in processes.items():
-            if _line(process) != "ready":
+            if _line(process, START_S) != "ready":
                 msg = f"the bare chain's {name} did not start"
                 raise RunError(msg)
         plant = processes[PLANT]
         assert plant.stdin is not None
         plant.stdin.write("go\n")
         plant.stdin.flush()
-        figures: dict[str, float] = json.loads(_line(plant))
+        said = _line(plant, START_S + ticks * max(period_s, MOST_S))
+        if not said:
+            msg = "the bare chain does not move"
+            raise RunError(msg)
+        figures: dict[str, float] = json.loads(said)
         return figures
     finally:
+        end(list(processes.values()))
         for process in processes.values():
-            process.terminate()
-        for process in processes.values():
-            process.communicate()
-        domain.release()
+            process.communicate()  # closes its pipes
 
 
-def _line(process: "subprocess.Popen[str]") -> str:
+def _line(process: "subprocess.Popen[str]", patience_s: float) -> str:
+    """What a process says next; nothing when it has ended, or takes longer."""
     assert process.stdout is not None
-    return process.stdout.readline().strip()
+    says, _, _ = select.select([process.stdout], [], [], patience_s)
+    return process.stdout.readline().strip() if says else ""
 
 
 def as_dicts(figures: list[Figure]) -> list[dict[str, Any]]:

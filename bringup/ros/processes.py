@@ -183,24 +183,28 @@ def start(
 
 
 def stop(children: Iterable[Child], patience_s: float = PATIENCE_S) -> None:
-    """End all children: ask, wait, and insist; nothing of their process groups is left afterwards."""
-    children = list(children)
-    for child in children:
-        _signal(child, signal.SIGTERM)  # to the group: a shell that started the node may be gone, and the node not
+    """End all children: see `end`."""
+    end([child.process for child in children], patience_s)
+
+
+def end(leaders: Sequence["subprocess.Popen[Any]"], patience_s: float = PATIENCE_S) -> None:
+    """End processes that lead groups of their own: ask, wait, and insist; nothing of the groups is left afterwards."""
+    for leader in leaders:
+        _signal(leader, signal.SIGTERM)  # to the group: a shell that started the node may be gone, and the node not
     deadline = time.monotonic() + patience_s
-    for child in children:
+    for leader in leaders:
         with contextlib.suppress(subprocess.TimeoutExpired):
-            child.process.wait(max(deadline - time.monotonic(), 0.01))
-        while _signal(child, 0) and time.monotonic() < deadline:
+            leader.wait(max(deadline - time.monotonic(), 0.01))
+        while _signal(leader, 0) and time.monotonic() < deadline:
             time.sleep(LOOK_S)  # nothing announces that a group is empty
-        _signal(child, signal.SIGKILL)
-        child.process.wait()
+        _signal(leader, signal.SIGKILL)
+        leader.wait()
 
 
-def _signal(child: Child, number: int) -> bool:
-    """Send a signal to a child's process group; whether there was anybody in it."""
+def _signal(leader: "subprocess.Popen[Any]", number: int) -> bool:
+    """Send a signal to a process group; whether there was anybody in it."""
     try:
-        os.killpg(child.process.pid, number)
+        os.killpg(leader.pid, number)
     except (ProcessLookupError, PermissionError):
         return False
     return True
