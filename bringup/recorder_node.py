@@ -15,7 +15,7 @@ from bringup.bags.recorder import BagWriter, RecordedTopic
 from bringup.designs import ATTACHMENT, DESIGNED
 from bringup.ros.cdr import stamp_ns
 from bringup.ros.inputs import Arrival, Subscriptions
-from bringup.ros.node_shell import DEADLINE_S, DEPTH, LOOP_QOS, PLAIN_QOS, NodeShell, run_node
+from bringup.ros.node_shell import DEADLINE_S, DEPTH, IDLE_S, LOOP_QOS, PLAIN_QOS, NodeShell, run_node
 from bringup.ros.parameters import MODE, Parameter
 from bringup.topics import BY_NAME, CLOCK, DIAGNOSTICS, OCCASIONAL, PLANT, RECORDER, TOPICS
 
@@ -71,7 +71,7 @@ class RecorderNode(NodeShell):
     def work(self, executor: SingleThreadedExecutor) -> None:
         """Take what has piled up now and then: waking for every single message would cost more than writing it."""
         if not self.running:
-            executor.spin_once()
+            executor.spin_once(timeout_sec=IDLE_S)
             return
         executor.spin_once(timeout_sec=TAKE_PERIOD_S)
         self._raw.take()

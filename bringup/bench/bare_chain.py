@@ -23,7 +23,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 
 from bringup.ros.messages import message_class
-from bringup.ros.node_shell import LOOP_QOS
+from bringup.ros.node_shell import IDLE_S, LOOP_QOS
 from bringup.ros.processes import end_with_parent, leave
 from bringup.topics import (
     BY_NAME,
@@ -173,6 +173,7 @@ def main() -> int:
         if name == PLANT:
             sys.stdin.readline()
             print(json.dumps(beat(node, executor, ticks, period_s)), flush=True)
+        node.create_timer(IDLE_S, lambda: None)
         executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass

@@ -43,7 +43,7 @@ from bringup.ros.inputs import Gate, LoopInputs, Subscriptions
 from bringup.ros.messages import message_class
 from bringup.ros.own_health import Health
 from bringup.ros.parameters import COMMON, Parameter
-from bringup.ros.processes import DISK_FULL, end_with_parent, leave
+from bringup.ros.processes import DISK_FULL, end_in_time, end_with_parent, leave
 from bringup.ros.realtime import Care, set_own_priority, set_priority, sleep_until
 from bringup.ros.ticks import TickSet, Timeline, WallClockSet
 from bringup.topics import BY_NAME, OCCASIONAL, TOPICS, Topic
@@ -60,6 +60,9 @@ OTHERS_PERIOD_S = 0.02
 OTHERS_PATIENCE_S = 0.1
 #: How long their turn may take; a deadline that is nearer comes first.
 OTHERS_TAKE_S = 0.003
+#: How long a node that is not active waits at a time. rclpy wakes those who wait before it says that the process is to
+#: end: who then waits again without bound misses it.
+IDLE_S = 0.5
 #: How often the memory file is written, and how old it may be, s.
 MEMORY_PERIOD_S, MEMORY_AGE_S = 0.5, 30.0
 #: Exit code of a node that was given parameters it cannot work with.
@@ -132,7 +135,7 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
     def work(self, executor: SingleThreadedExecutor) -> None:
         """Do some of the node's work: the loop's messages while it is active, and everything else now and then."""
         if not self.running:
-            executor.spin_once()
+            executor.spin_once(timeout_sec=IDLE_S)
             return
         due_s = time.monotonic() + OTHERS_PERIOD_S
         latest_s = due_s + OTHERS_PATIENCE_S
@@ -496,6 +499,7 @@ def run_node(make: Callable[[], NodeShell]) -> NoReturn:
             node.stopped()
         except OSError as problem:  # what was kept back until now found no room either
             code = code or _report(node, problem)
+        end_in_time()  # the middleware has been seen to hang here, when all nodes end at once
         node.destroy_node()
     rclpy.try_shutdown()
     leave(code)

@@ -3,6 +3,7 @@
 import contextlib
 import ctypes
 import errno
+import faulthandler
 import fcntl
 import os
 import select
@@ -93,8 +94,7 @@ def _lock(number: int) -> IO[Any] | None:
 def end_with_parent() -> None:
     """In a child: be told to end when the parent dies, and end at once when it is dead already.
 
-    A child that has not ended some seconds after it was told to is ended by a thread of its own: there is nobody left
-    who could insist.
+    A child that has not ended some seconds after it was told to is ended: there is nobody left who could insist.
     """
     parent = os.environ.get(PARENT_VARIABLE)
     if parent is None:
@@ -103,14 +103,21 @@ def end_with_parent() -> None:
     if os.getppid() != int(parent):
         sys.exit(1)
     with contextlib.suppress(OSError):  # a parent that has died since then has told us already
-        threading.Thread(target=_end_some_time_after, args=(os.pidfd_open(int(parent)),), daemon=True).start()
+        threading.Thread(target=_end_after, args=(os.pidfd_open(int(parent)),), daemon=True).start()
 
 
-def _end_some_time_after(parent: int) -> None:
-    """End this process `PATIENCE_S` after the one of this file descriptor, whatever it does then."""
+def _end_after(parent: int) -> None:
+    """End this process in time after the one of this file descriptor."""
     select.select([parent], [], [])
-    time.sleep(PATIENCE_S)
-    os._exit(1)
+    end_in_time()
+
+
+def end_in_time() -> None:
+    """See that this process has ended `PATIENCE_S` from now, whatever it does then; it says where it stood.
+
+    By the interpreter's watchdog, which needs no lock: a call into the middleware may hang and keep the interpreter's.
+    """
+    faulthandler.dump_traceback_later(PATIENCE_S, exit=True)
 
 
 def leave(code: int) -> NoReturn:

@@ -15,7 +15,7 @@ from bringup.errors import BringupError, RunError
 from bringup.ros import supervisor
 from bringup.ros.graph import _prepare, run_graph
 from bringup.ros.own_nodes import own_nodes
-from bringup.ros.processes import Domain, start, stop
+from bringup.ros.processes import Domain, ros_environment, start, stop
 from bringup.scenario import load
 from bringup.scenario_schema import Scenario
 from tests.processes import processes_that_mention
@@ -94,6 +94,39 @@ def test_child_that_hangs_does_not_outlive_a_killed_parent(tmp_path: Path) -> No
     parent.wait()
     assert processes_that_mention(str(tmp_path))  # it was told to end, and did not
     wait_until_gone(tmp_path)
+
+
+#: A node that the middleware does not let go: it hangs in a call that keeps the interpreter's lock.
+HELD = """
+import ctypes
+from bringup.ros import processes
+from bringup.ros.node_shell import run_node
+from bringup.scenario_node import ScenarioNode
+processes.PATIENCE_S = 1.0
+class Held(ScenarioNode):
+    def report_health(self):
+        super().report_health()
+        print("ready", flush=True)
+    def destroy_node(self):
+        ctypes.PyDLL(None).pause()
+run_node(Held)
+"""
+
+
+def test_node_that_hangs_when_told_to_end_ends_all_the_same_and_says_where_it_stood() -> None:
+    environment = {**os.environ, **ros_environment()}
+    with subprocess.Popen(
+        [sys.executable, "-c", HELD], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+    ) as node:
+        assert node.stdout is not None
+        assert node.stdout.readline() == "ready\n"
+        node.terminate()
+        try:
+            _, said = node.communicate(timeout=30)
+        finally:
+            node.kill()
+    assert node.returncode == 1
+    assert "in destroy_node" in said
 
 
 def test_killed_node_is_named_and_its_end_is_everyones(scenario: Scenario, tmp_path: Path) -> None:
