@@ -105,14 +105,15 @@ def _own_filter() -> Values:
 
 def _own_controller() -> Values:
     """`examples/own_controller.py` as a node in the graph, around the fault, which comes sooner."""
-    command = "run actuator_fault --set faults.0.onset_s=20 --set duration_s=80 --json --out results/pi --node"
+    command = "run actuator_fault --set faults.0.onset_s=20 --set duration_s=80 --no-report --json --node"
     return _figures(_acftc(*command.split(), f"gimc_controller={sys.executable} examples/own_controller.py"))
 
 
 def _own_car() -> Values:
     """`examples/own_car.yaml`, calibrated; without ROS, which gives the same figures."""
     command = "calibrate --points examples/own_points.yaml --parameters examples/own_car.yaml --out results/car.yaml"
-    return _figures(_acftc(*command.split(), then="--plant results/car.yaml simulate actuator_fault --json"))
+    then = "--plant results/car.yaml simulate actuator_fault --no-report --json"
+    return _figures(_acftc(*command.split(), then=then))
 
 
 def _own_scenario() -> Values:

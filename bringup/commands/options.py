@@ -112,11 +112,17 @@ out_option = click.option(
     help="Folder for the results; made when missing. Default: results/SCENARIO.",
 )
 force_option = click.option("--force", is_flag=True, help="Overwrite the recording of an earlier run in DIR.")
+report_option = click.option(
+    "--report/--no-report",
+    "with_report",
+    default=True,
+    help="Without it a run takes some seconds less; summary.json is written all the same.",
+)
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
 
 
 def scenario_options(command: Any) -> Any:
-    """Give a command what everything that runs a scenario takes: SCENARIO, --out, --passive, --set, --force, --json."""
-    for add in (json_option, force_option, set_option, passive_option, out_option, scenario_argument):
+    """Give a command what all that runs a scenario takes: SCENARIO, and options for what is run and written."""
+    for add in (json_option, report_option, force_option, set_option, passive_option, out_option, scenario_argument):
         command = add(command)
     return command

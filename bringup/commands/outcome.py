@@ -1,5 +1,6 @@
 """What `run` and `simulate` share: the folder of the results, and what is written and said at the end."""
 
+import re
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,6 +11,9 @@ from bringup.errors import BringupError, one_line
 if TYPE_CHECKING:
     from bringup.recording import Recording
     from bringup.scenario_schema import Scenario
+
+#: The page, and the pictures that `bringup.report.page` writes beside it.
+_OF_REPORT = re.compile(r"report(\.html|(_fault_\d+|_nodes)?\.(svg|png))")
 
 
 def load_scenario(scenario: str, overrides: tuple[str, ...], passive: bool) -> "Scenario":
@@ -49,18 +53,31 @@ def make_folder(folder: Path) -> None:
         raise BringupError(msg) from None
 
 
-def finish(recording: "Recording", folder: Path, as_json: bool, bag: Path | None = None) -> None:
+def finish(
+    recording: "Recording", folder: Path, as_json: bool, bag: Path | None = None, with_report: bool = True
+) -> None:
     """Write summary and report of a run, and say where they are; `bag` holds the nodes' health reports."""
     from bringup.summary import summarise, write_summary
 
     summary = summarise(recording)
-    write_summary(summary, folder / "summary.json")
-    write_page(folder / "report.html", recording, bag, *companion(recording))
+    written = [folder / "summary.json"]
+    write_summary(summary, written[0])
+    remove_report(folder)
+    if with_report:
+        written.append(folder / "report.html")
+        write_page(written[-1], recording, bag, *companion(recording))
     if as_json:
         print_json(summary)
     else:
         _print_summary(summary)
-        say(f"wrote {folder / 'summary.json'} and {folder / 'report.html'}")
+        say(f"wrote {' and '.join(map(str, written))}")
+
+
+def remove_report(folder: Path) -> None:
+    """Remove the report of an earlier run, and its pictures: what lies beside a summary must tell of the same run."""
+    for item in folder.iterdir():
+        if _OF_REPORT.fullmatch(item.name):
+            item.unlink()
 
 
 def write_page(path: Path, recording: "Recording", bag: Path | None, beside: "Recording | None", note: str) -> None:

@@ -64,6 +64,7 @@ def run(
     passive: bool,
     overrides: tuple[str, ...],
     force: bool,
+    with_report: bool,
     nodes: tuple[str, ...],
     without: tuple[str, ...],
     params_file: Path | None,
@@ -74,7 +75,8 @@ def run(
     """Run SCENARIO with every node as a process of its own, record it, and write summary and report.
 
     SCENARIO is a built-in name (acftc scenarios) or the path of a YAML file. DIR gets bag/ (a ROS 2 bag),
-    summary.json, report.html, and the pictures of the report as .svg and .png.
+    summary.json, report.html, and the pictures of the report as .svg and .png. A report left away with --no-report
+    can be had later: acftc report DIR/bag.
     """
     from bringup.ros.own_nodes import own_nodes
 
@@ -94,4 +96,4 @@ def run(
             # The input has been checked by now: what fails here is the run.
             kind = InterruptedRunError if isinstance(problem.__context__, KeyboardInterrupt) else RunError
             raise kind(str(problem)) from problem
-    finish(read_bag(folder / "bag"), folder, as_json, folder / "bag")
+    finish(read_bag(folder / "bag"), folder, as_json, folder / "bag", with_report)

@@ -20,7 +20,13 @@ from bringup.console import progress_bar
 )
 @scenario_options
 def simulate(
-    scenario: str, out: Path | None, passive: bool, overrides: tuple[str, ...], force: bool, as_json: bool
+    scenario: str,
+    out: Path | None,
+    passive: bool,
+    overrides: tuple[str, ...],
+    force: bool,
+    with_report: bool,
+    as_json: bool,
 ) -> None:
     """Run SCENARIO in one process without ROS: the same step functions, the same summary and report."""
     from bringup.loop import simulate as simulate_loop
@@ -29,4 +35,4 @@ def simulate(
     folder = prepare_folder(out or Path("results") / f"{chosen.name}_simulated", force)
     with progress_bar(f"{chosen.name} (simulation)") as progress:
         recording = simulate_loop(chosen, progress=progress)
-    finish(recording, folder, as_json)
+    finish(recording, folder, as_json, with_report=with_report)

@@ -114,6 +114,15 @@ def test_an_earlier_recording_is_not_overwritten(tmp_path: Path):
     assert (bag / "bag_0.mcap").read_bytes() == b"precious"
 
 
+def test_without_a_report_that_of_an_earlier_run_goes_and_what_is_the_users_stays(tmp_path: Path):
+    for name in ("report.html", "report.svg", "report_fault_1.png", "report_nodes.svg", "report_final.png", "notes.md"):
+        (tmp_path / name).write_text("earlier")
+    result = acftc("simulate", "nominal", "--set", "duration_s=1", "--no-report", "--out", str(tmp_path))
+    assert result.returncode == 0, result.stderr
+    assert {item.name for item in tmp_path.iterdir()} == {"report_final.png", "notes.md", "summary.json"}
+    assert "report.html" not in result.stdout + result.stderr
+
+
 def test_an_unexpected_error_is_one_line_and_the_traceback_is_kept(tmp_path: Path):
     probe = """
 import bringup.cli

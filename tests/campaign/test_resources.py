@@ -140,7 +140,12 @@ def test_a_clock_that_jumps_does_not_disturb_a_run(tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
     command = [sys.executable, "-m", "bringup.cli", "run", "nominal", "--mode", "realtime", "--set", "duration_s=6"]
     result = subprocess.run(
-        [*command, "--out", str(out)], capture_output=True, text=True, timeout=120, check=False, env=environment
+        [*command, "--no-report", "--out", str(out)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        env=environment,
     )
     assert result.returncode == 0, result.stderr
     recording = read_bag(out)

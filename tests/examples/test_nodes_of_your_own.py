@@ -37,7 +37,7 @@ Shell = Callable[..., str]
 Commands = Callable[[str], list[str]]
 
 #: A fault soon, and long enough to be isolated in.
-SHORT = ("--set", "duration_s=25", "--set", "faults.0.onset_s=5", "--json")
+SHORT = ("--set", "duration_s=25", "--set", "faults.0.onset_s=5", "--no-report", "--json")
 
 
 @contextmanager
@@ -120,7 +120,7 @@ def test_own_filter_gives_the_residuals(
     managed = "python -m gimc_controller_node.compensator_node --ros-args -r __ns:=/ac -p autostart:=false"
     with by_hand(managed, folder, environment) as node:
         further = ("--set", "faults.0.size_rpm=150", "--set", "faults.1.onset_s=20", "--without", "compensator")
-        shell(run_it, *SHORT[:4], *further)
+        shell(run_it, *SHORT, *further)
         with Supervisor({"compensator": Child("compensator", node, folder)}, environment) as supervisor:
             supervisor.wait_for({"compensator": "unconfigured"})
     run = read_bag(folder / "results" / "own_filter" / "bag")
@@ -141,7 +141,7 @@ def test_a_plain_node_stands_in_for_the_plant(
 ) -> None:
     start, run_it = commands("own_bench.py")
     with by_hand(start, folder, environment):
-        summary = json.loads(shell(run_it, "--set", "duration_s=4", "--json", "--out", "bench"))
+        summary = json.loads(shell(run_it, "--set", "duration_s=4", "--no-report", "--json", "--out", "bench"))
     assert summary["ticks"] >= 40
     run = read_bag(folder / "bench" / "bag")
     assert np.isfinite(run.series["actuator/command:compressor"]).any()
