@@ -144,7 +144,8 @@ class ChangeControl:
 
     def __init__(self, link: Link) -> None:
         self._link = link
-        self._known: list[Any] = []
+        self._known: dict[str, Any] = {}
+        self._asked: dict[str, float] = {}  # what has been sent from here and has not been heard of yet
         self._spinners = [
             _spinner(name, title, 0.0, _round((limits.low or 0.0) / si), _round((limits.high or 0.0) / si), step)
             for (name, title, si, step), limits in zip(CHANGES, OFFSETS, strict=True)
@@ -155,14 +156,18 @@ class ChangeControl:
         self.widgets: list[Any] = [*self._spinners, self._ramp, self._apply, self._back]
 
     def show(self, view: View) -> None:
-        """Look as the graph is; a change that somebody else has made, or a reset, is shown, too."""
+        """Look as the graph is; a change that somebody else has made, or a reset, is shown, too.
+
+        What comes of a change made here is not: by then something else may have been typed.
+        """
         set_now = view.parameters.get(SCENARIO, {})
-        known = [set_now.get(limits.name) for limits in OFFSETS]
-        if known != self._known:
-            self._known = known
-            for spinner, value, (_, _, si, _) in zip(self._spinners, known, CHANGES, strict=True):
-                if value is not None:
-                    _set(spinner, value=round(value / si, 6))
+        for spinner, limits, (_, _, si, _) in zip(self._spinners, OFFSETS, CHANGES, strict=True):
+            value = set_now.get(limits.name)
+            if value is None or value == self._known.get(limits.name):
+                continue
+            self._known[limits.name] = value
+            if value != self._asked.pop(limits.name, None):
+                _set(spinner, value=round(value / si, 6))
         for button in (self._apply, self._back):
             _set(button, disabled=view.phase not in ("running", "paused"))
 
@@ -173,11 +178,16 @@ class ChangeControl:
             self._link.say(problems[0], failed=True)
             return
         given = [float(widget.value) for widget in widgets if widget.value is not None]
-        wanted = dict(zip((limits.name for limits in OFFSETS), given, strict=False))
-        now = dict(zip(wanted, self._known, strict=False))
-        units = {limits.name: si for limits, (_, _, si, _) in zip(OFFSETS, CHANGES, strict=True)}
+        wanted = {
+            limits.name: value * si for limits, value, (_, _, si, _) in zip(OFFSETS, given[:-1], CHANGES, strict=True)
+        }
         # Only what is new: a ramp that is under way must not begin again.
-        values = {name: value * units[name] for name, value in wanted.items() if now.get(name) != value * units[name]}
+        values = {
+            name: value
+            for name, value in wanted.items()
+            if value != self._known.get(name) or value != self._asked.get(name, value)
+        }
+        self._asked |= values
         said = [
             title.replace(", ", f" {value:+g} ")
             for (_, title, _, _), value in zip(CHANGES, given, strict=False)

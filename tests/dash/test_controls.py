@@ -1,0 +1,98 @@
+"""What the page's controls send and show, without browser or graph."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import pytest
+
+from bringup.dash.controls import CHANGES, ChangeControl
+from bringup.dash.link import View
+from bringup.scenario_node import OFFSETS
+from bringup.topics import SCENARIO
+
+#: Name of the parameter, and position among the controls.
+SUPERHEAT = OFFSETS[1].name, 1
+
+
+class Sent:
+    """Stands where the graph is: keeps what would be sent there."""
+
+    def __init__(self) -> None:
+        self.changes: list[Mapping[str, Any]] = []
+
+    def change(self, node: str, values: Mapping[str, Any], done: str) -> None:  # noqa: ARG002
+        assert node == SCENARIO
+        self.changes.append(values)
+
+
+def view(**offsets: float) -> View:
+    """The graph as it is with these offsets, all else at rest."""
+    at_rest = dict.fromkeys((limits.name for limits in OFFSETS), 0.0)
+    return View(
+        phase="running",
+        message="",
+        failed=False,
+        point="med",
+        mode="realtime",
+        recorded=False,
+        accommodate=True,
+        live_faults=frozenset(),
+        status=None,
+        plant={},
+        parameters={SCENARIO: {**at_rest, **offsets}},
+        restarting=(),
+    )
+
+
+@pytest.fixture
+def sent() -> Sent:
+    return Sent()
+
+
+@pytest.fixture
+def control(sent: Sent) -> ChangeControl:
+    control = ChangeControl(sent)  # type: ignore[arg-type]
+    control.show(view())
+    return control
+
+
+def test_what_others_have_changed_is_shown(control: ChangeControl) -> None:
+    name, place = SUPERHEAT
+    control.widgets[0].value = 3.0  # typed here and not sent
+    control.show(view(**{name: -2.5}))
+    assert [widget.value for widget in control.widgets[: len(CHANGES)]] == [3.0, -2.5, 0.0, 0.0]
+    control.show(view())
+    assert control.widgets[place].value == 0.0
+
+
+def test_the_echo_of_a_change_leaves_alone_what_has_been_typed_since(control: ChangeControl, sent: Sent) -> None:
+    name, place = SUPERHEAT
+    control.widgets[place].value = -2.5
+    control._clicked()
+    assert sent.changes == [{"ramp_s": 0.0, name: -2.5}]
+    control.widgets[place].value = -3.0
+    control.show(view(**{name: -2.5}))
+    assert control.widgets[place].value == -3.0
+    control.show(view())  # somebody else, or a reset
+    assert control.widgets[place].value == 0.0
+
+
+def test_back_to_zero_undoes_a_change_that_has_not_been_heard_of_yet(control: ChangeControl, sent: Sent) -> None:
+    name, place = SUPERHEAT
+    control.widgets[place].value = -2.5
+    control._clicked()
+    control._undo()
+    assert sent.changes == [{"ramp_s": 0.0, name: -2.5}, {"ramp_s": 0.0, name: 0.0}]
+    control.show(view(**{name: -2.5}))
+    control.show(view())
+    assert control.widgets[place].value == 0.0
+
+
+def test_only_what_is_new_is_sent(control: ChangeControl, sent: Sent) -> None:
+    name, place = SUPERHEAT
+    control.widgets[place].value = -2.5
+    control._clicked()
+    control.show(view(**{name: -2.5}))
+    control.widgets[0].value = 1.0
+    control._clicked()
+    assert sent.changes[-1] == {"ramp_s": 0.0, OFFSETS[0].name: 1000.0}
