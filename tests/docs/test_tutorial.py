@@ -94,7 +94,7 @@ def test_breaking_it_by_hand(tmp_path: Path, environment: dict[str, str]) -> Non
 
 
 def test_a_run_with_the_page_beside_it(tmp_path: Path, environment: dict[str, str]) -> None:
-    called = [*shlex.split(IN_SENTENCES[0]), "--set", "duration_s=2"]
+    called = [*shlex.split(IN_SENTENCES[0]), "--set", "duration_s=2", "--no-report"]
     done = subprocess.run(called, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=240)
     assert done.returncode == 0, done.stderr[-2000:]
     assert done.stderr.startswith("http://127.0.0.1:")
