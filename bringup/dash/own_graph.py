@@ -15,7 +15,8 @@ from bringup.ros.processes import Child, Domain, ros_environment, start, stop
 from bringup.scenario import check
 from bringup.topics import PLANT, RECORDER
 
-#: How long a graph that runs may take to be seen, s: discovery takes less than half a second.
+#: How long a graph that runs may take to be seen, s: discovery takes less than half a second. Also what its supervisor
+#: may take to see that it is to end.
 LOOK_S = 1.5
 #: How long one that is starting may take, s.
 START_S = 30.0
@@ -69,6 +70,8 @@ class OwnGraph:
         self, kind: type[BaseException] | None, problem: BaseException | None, where: TracebackType | None
     ) -> None:
         self._ends.set()
+        if self._thread is not None:
+            self._thread.join(LOOK_S)  # nodes that end all around a node that is just ending may make it hang
         stop(list(self._children.values()))  # this also ends a wait for them to get ready
         if self._thread is not None:
             self._thread.join()

@@ -8,6 +8,11 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from bringup.ros.last_resort import over_in
+
+#: How long the middleware may take to let go of the node: then the process ends, which would hang for ever.
+LEAVE_S = 10.0
+
 
 @contextmanager
 def guest(name: str, namespace: str = "", domain: int | None = None) -> Iterator[tuple[Node, SingleThreadedExecutor]]:
@@ -30,6 +35,7 @@ def guest(name: str, namespace: str = "", domain: int | None = None) -> Iterator
     try:
         yield node, executor
     finally:
-        executor.shutdown()
-        node.destroy_node()
-        context.try_shutdown()
+        with over_in(LEAVE_S):
+            executor.shutdown()
+            node.destroy_node()
+            context.try_shutdown()

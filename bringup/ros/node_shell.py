@@ -40,10 +40,11 @@ from bringup.recording import AS_USUAL
 from bringup.ros.arguments import ArgumentError, init
 from bringup.ros.cdr import Packer, packer
 from bringup.ros.inputs import Gate, LoopInputs, Subscriptions
+from bringup.ros.last_resort import end_in_time
 from bringup.ros.messages import message_class
 from bringup.ros.own_health import Health
 from bringup.ros.parameters import COMMON, Parameter
-from bringup.ros.processes import DISK_FULL, end_in_time, end_with_parent, leave
+from bringup.ros.processes import DISK_FULL, end_with_parent, leave
 from bringup.ros.realtime import Care, set_own_priority, set_priority, sleep_until
 from bringup.ros.ticks import TickSet, Timeline, WallClockSet
 from bringup.topics import BY_NAME, OCCASIONAL, TOPICS, Topic
@@ -65,6 +66,8 @@ OTHERS_TAKE_S = 0.003
 IDLE_S = 0.5
 #: How often the memory file is written, and how old it may be, s.
 MEMORY_PERIOD_S, MEMORY_AGE_S = 0.5, 30.0
+#: How long the middleware may take to let go of a node.
+LEAVE_S = 3.0
 #: Exit code of a node that was given parameters it cannot work with.
 BAD_INPUT = 2
 #: The last bit of the time to a deadline is slept through on a timer that is more exact than the middleware's.
@@ -499,7 +502,7 @@ def run_node(make: Callable[[], NodeShell]) -> NoReturn:
             node.stopped()
         except OSError as problem:  # what was kept back until now found no room either
             code = code or _report(node, problem)
-        end_in_time()  # the middleware has been seen to hang here, when all nodes end at once
+        end_in_time(code, LEAVE_S)
         node.destroy_node()
     rclpy.try_shutdown()
     leave(code)

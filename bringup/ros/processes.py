@@ -3,7 +3,6 @@
 import contextlib
 import ctypes
 import errno
-import faulthandler
 import fcntl
 import os
 import select
@@ -19,6 +18,7 @@ from pathlib import Path
 from typing import IO, Any, NoReturn
 
 from bringup.errors import BringupError
+from bringup.ros.last_resort import end_in_time
 
 #: Tells a node who started it: it ends when that process ends, however it ends.
 PARENT_VARIABLE = "ACFTC_PARENT_PID"
@@ -109,15 +109,7 @@ def end_with_parent() -> None:
 def _end_after(parent: int) -> None:
     """End this process in time after the one of this file descriptor."""
     select.select([parent], [], [])
-    end_in_time()
-
-
-def end_in_time() -> None:
-    """See that this process has ended `PATIENCE_S` from now, whatever it does then; it says where it stood.
-
-    By the interpreter's watchdog, which needs no lock: a call into the middleware may hang and keep the interpreter's.
-    """
-    faulthandler.dump_traceback_later(PATIENCE_S, exit=True)
+    end_in_time(1, PATIENCE_S)
 
 
 def leave(code: int) -> NoReturn:

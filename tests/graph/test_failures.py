@@ -99,17 +99,16 @@ def test_child_that_hangs_does_not_outlive_a_killed_parent(tmp_path: Path) -> No
 #: A node that the middleware does not let go: it hangs in a call that keeps the interpreter's lock.
 HELD = """
 import ctypes
-from bringup.ros import processes
-from bringup.ros.node_shell import run_node
+from bringup.ros import node_shell
 from bringup.scenario_node import ScenarioNode
-processes.PATIENCE_S = 1.0
+node_shell.LEAVE_S = 1.0
 class Held(ScenarioNode):
     def report_health(self):
         super().report_health()
         print("ready", flush=True)
     def destroy_node(self):
         ctypes.PyDLL(None).pause()
-run_node(Held)
+node_shell.run_node(Held)
 """
 
 
@@ -125,8 +124,18 @@ def test_node_that_hangs_when_told_to_end_ends_all_the_same_and_says_where_it_st
             _, said = node.communicate(timeout=30)
         finally:
             node.kill()
-    assert node.returncode == 1
+    assert node.returncode == 0  # its work is done
     assert "in destroy_node" in said
+
+
+def test_what_is_over_in_time_ends_no_process() -> None:
+    code = "import time; from bringup.ros.last_resort import over_in\n"
+    code += "with over_in(0.3): pass\n"
+    code += "time.sleep(0.6); print('lives', flush=True)\n"
+    code += "with over_in(0.3): time.sleep(60)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30, check=False)
+    assert (done.returncode, done.stdout) == (1, "lives\n")
+    assert 'File "<string>", line 4' in done.stderr
 
 
 def test_killed_node_is_named_and_its_end_is_everyones(scenario: Scenario, tmp_path: Path) -> None:
