@@ -173,7 +173,7 @@ def main() -> int:
         if name == PLANT:
             sys.stdin.readline()
             print(json.dumps(beat(node, executor, ticks, period_s)), flush=True)
-        node.create_timer(IDLE_S, lambda: None)
+        node.create_timer(IDLE_S, lambda: None)  # a wait without bound may miss that it is to end: see IDLE_S
         executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass

@@ -22,7 +22,7 @@ from bringup.bench.recovery import recovery
 from bringup.errors import RunError
 from bringup.ros.graph import GraphRun, run_graph
 from bringup.ros.modules import MODULES
-from bringup.ros.processes import PARENT_VARIABLE, Domain, end, ros_environment
+from bringup.ros.processes import PARENT_VARIABLE, Domain, end_groups, ros_environment
 from bringup.scenario import load
 from bringup.topics import PLANT, RECORDER
 
@@ -210,7 +210,8 @@ def _bare_chain(ticks: int, period_s: float, domain: int) -> dict[str, float]:
     try:
         for name, process in processes.items():
             if _line(process, START_S) != "ready":
-                msg = f"the bare chain's {name} did not start"
+                ended = [other for other, its in processes.items() if its.poll() is not None]
+                msg = f"the bare chain's {', '.join(ended or [name])} did not start"
                 raise RunError(msg)
         plant = processes[PLANT]
         assert plant.stdin is not None
@@ -223,13 +224,13 @@ def _bare_chain(ticks: int, period_s: float, domain: int) -> dict[str, float]:
         figures: dict[str, float] = json.loads(said)
         return figures
     finally:
-        end(list(processes.values()))
+        end_groups(list(processes.values()))
         for process in processes.values():
             process.communicate()  # closes its pipes
 
 
 def _line(process: "subprocess.Popen[str]", patience_s: float) -> str:
-    """What a process says next; nothing when it has ended, or takes longer."""
+    """The one line that a process says next; nothing when it has ended, or takes longer."""
     assert process.stdout is not None
     says, _, _ = select.select([process.stdout], [], [], patience_s)
     return process.stdout.readline().strip() if says else ""

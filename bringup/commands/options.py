@@ -116,7 +116,7 @@ report_option = click.option(
     "--report/--no-report",
     "with_report",
     default=True,
-    help="Without it a run takes some seconds less; summary.json is written all the same.",
+    help="Without it a run takes some seconds less. The report of an earlier run in DIR goes in any case.",
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
 

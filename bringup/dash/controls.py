@@ -145,7 +145,8 @@ class ChangeControl:
     def __init__(self, link: Link) -> None:
         self._link = link
         self._known: dict[str, Any] = {}
-        self._asked: dict[str, float] = {}  # what has been sent from here and has not been heard of yet
+        #: What was last sent from each spinner, or put into it: where it holds something else, that was typed since.
+        self._ours = dict.fromkeys((limits.name for limits in OFFSETS), 0.0)
         self._spinners = [
             _spinner(name, title, 0.0, _round((limits.low or 0.0) / si), _round((limits.high or 0.0) / si), step)
             for (name, title, si, step), limits in zip(CHANGES, OFFSETS, strict=True)
@@ -156,18 +157,17 @@ class ChangeControl:
         self.widgets: list[Any] = [*self._spinners, self._ramp, self._apply, self._back]
 
     def show(self, view: View) -> None:
-        """Look as the graph is; a change that somebody else has made, or a reset, is shown, too.
-
-        What comes of a change made here is not: by then something else may have been typed.
-        """
+        """Look as the graph is, whoever has changed it; but leave alone what was typed and not applied yet."""
         set_now = view.parameters.get(SCENARIO, {})
         for spinner, limits, (_, _, si, _) in zip(self._spinners, OFFSETS, CHANGES, strict=True):
             value = set_now.get(limits.name)
             if value is None or value == self._known.get(limits.name):
                 continue
+            is_typed = spinner.value != self._ours[limits.name]
             self._known[limits.name] = value
-            if value != self._asked.pop(limits.name, None):
-                _set(spinner, value=round(value / si, 6))
+            self._ours[limits.name] = round(value / si, 6)
+            if not is_typed:
+                _set(spinner, value=self._ours[limits.name])
         for button in (self._apply, self._back):
             _set(button, disabled=view.phase not in ("running", "paused"))
 
@@ -178,16 +178,13 @@ class ChangeControl:
             self._link.say(problems[0], failed=True)
             return
         given = [float(widget.value) for widget in widgets if widget.value is not None]
-        wanted = {
-            limits.name: value * si for limits, value, (_, _, si, _) in zip(OFFSETS, given[:-1], CHANGES, strict=True)
-        }
         # Only what is new: a ramp that is under way must not begin again.
         values = {
-            name: value
-            for name, value in wanted.items()
-            if value != self._known.get(name) or value != self._asked.get(name, value)
+            limits.name: value * si
+            for limits, value, (_, _, si, _) in zip(OFFSETS, given[:-1], CHANGES, strict=True)
+            if value * si != self._known.get(limits.name) or value != self._ours[limits.name]
         }
-        self._asked |= values
+        self._ours = dict(zip(self._ours, given, strict=False))
         said = [
             title.replace(", ", f" {value:+g} ")
             for (_, title, _, _), value in zip(CHANGES, given, strict=False)

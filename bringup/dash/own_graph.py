@@ -15,8 +15,7 @@ from bringup.ros.processes import Child, Domain, ros_environment, start, stop
 from bringup.scenario import check
 from bringup.topics import PLANT, RECORDER
 
-#: How long a graph that runs may take to be seen, s: discovery takes less than half a second. Also what its supervisor
-#: may take to see that it is to end.
+#: How long a graph that runs may take to be seen, s: discovery takes less than half a second.
 LOOK_S = 1.5
 #: How long one that is starting may take, s.
 START_S = 30.0
@@ -71,11 +70,8 @@ class OwnGraph:
     ) -> None:
         self._ends.set()
         if self._thread is not None:
-            self._thread.join(LOOK_S)  # nodes that end all around a node that is just ending may make it hang
-        stop(list(self._children.values()))  # this also ends a wait for them to get ready
-        if self._thread is not None:
-            self._thread.join()
-        stop(list(self._children.values()))  # one that was just being started again
+            self._thread.join()  # first: nodes that end all around it may make its own node hang (`last_resort`)
+        stop(list(self._children.values()))
         self._folder.cleanup()
         self._domain.release()
 
@@ -96,9 +92,11 @@ class OwnGraph:
         from bringup.ros.supervisor import Supervisor
 
         try:
-            with Supervisor(self._children, self._environment, revive=self._revive) as supervisor:
+            with Supervisor(
+                self._children, self._environment, revive=self._revive, is_over=self._ends.is_set
+            ) as supervisor:
                 supervisor.activate([name for name in ACTIVATION_ORDER if name in self._children])
-                while not self._ends.is_set():
+                while True:
                     supervisor.spin()
         except BringupError as problem:
             if not self._ends.is_set():

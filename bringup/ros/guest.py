@@ -8,9 +8,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from bringup.ros.last_resort import over_in
+from bringup.ros.last_resort import bounded
 
-#: How long the middleware may take to let go of the node: then the process ends, which would hang for ever.
+#: How long the middleware may take to let go of the node. Then the process ends: nothing else helps (`last_resort`).
 LEAVE_S = 10.0
 
 
@@ -35,7 +35,7 @@ def guest(name: str, namespace: str = "", domain: int | None = None) -> Iterator
     try:
         yield node, executor
     finally:
-        with over_in(LEAVE_S):
+        with bounded(LEAVE_S):
             executor.shutdown()
             node.destroy_node()
             context.try_shutdown()

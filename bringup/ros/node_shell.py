@@ -40,7 +40,7 @@ from bringup.recording import AS_USUAL
 from bringup.ros.arguments import ArgumentError, init
 from bringup.ros.cdr import Packer, packer
 from bringup.ros.inputs import Gate, LoopInputs, Subscriptions
-from bringup.ros.last_resort import end_in_time
+from bringup.ros.last_resort import exit_within
 from bringup.ros.messages import message_class
 from bringup.ros.own_health import Health
 from bringup.ros.parameters import COMMON, Parameter
@@ -66,8 +66,8 @@ OTHERS_TAKE_S = 0.003
 IDLE_S = 0.5
 #: How often the memory file is written, and how old it may be, s.
 MEMORY_PERIOD_S, MEMORY_AGE_S = 0.5, 30.0
-#: How long the middleware may take to let go of a node.
-LEAVE_S = 3.0
+#: How long the middleware may take to let go of a node: less than `stop` waits, which leaves the rest to `stopped`.
+LEAVE_S = 2.0
 #: Exit code of a node that was given parameters it cannot work with.
 BAD_INPUT = 2
 #: The last bit of the time to a deadline is slept through on a timer that is more exact than the middleware's.
@@ -502,7 +502,8 @@ def run_node(make: Callable[[], NodeShell]) -> NoReturn:
             node.stopped()
         except OSError as problem:  # what was kept back until now found no room either
             code = code or _report(node, problem)
-        end_in_time(code, LEAVE_S)
+    exit_within(code, LEAVE_S)
+    for node in made:
         node.destroy_node()
     rclpy.try_shutdown()
     leave(code)

@@ -14,11 +14,12 @@ import threading
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 from typing import IO, Any, NoReturn
 
 from bringup.errors import BringupError
-from bringup.ros.last_resort import end_in_time
+from bringup.ros.last_resort import STOOD, exit_within
 
 #: Tells a node who started it: it ends when that process ends, however it ends.
 PARENT_VARIABLE = "ACFTC_PARENT_PID"
@@ -109,7 +110,7 @@ def end_with_parent() -> None:
 def _end_after(parent: int) -> None:
     """End this process in time after the one of this file descriptor."""
     select.select([parent], [], [])
-    end_in_time(1, PATIENCE_S)
+    exit_within(1, PATIENCE_S)
 
 
 def leave(code: int) -> NoReturn:
@@ -153,7 +154,7 @@ class Child:
             lines = self.log.read_text(encoding="utf-8", errors="replace").split("\n")
         except OSError:
             return ""
-        said = [line.strip() for line in lines if line.strip()]
+        said = [line.strip() for line in takewhile(lambda line: not line.startswith(STOOD), lines) if line.strip()]
         if said:
             return said[-1]
         return os.strerror(errno.ENOSPC) if self.process.returncode == DISK_FULL else "it wrote nothing"
@@ -182,11 +183,11 @@ def start(
 
 
 def stop(children: Iterable[Child], patience_s: float = PATIENCE_S) -> None:
-    """End all children: see `end`."""
-    end([child.process for child in children], patience_s)
+    """End all children: see `end_groups`."""
+    end_groups([child.process for child in children], patience_s)
 
 
-def end(leaders: Sequence["subprocess.Popen[Any]"], patience_s: float = PATIENCE_S) -> None:
+def end_groups(leaders: Sequence["subprocess.Popen[Any]"], patience_s: float = PATIENCE_S) -> None:
     """End processes that lead groups of their own: ask, wait, and insist; nothing of the groups is left afterwards."""
     for leader in leaders:
         _signal(leader, signal.SIGTERM)  # to the group: a shell that started the node may be gone, and the node not

@@ -50,14 +50,17 @@ class Supervisor:
         environment: Mapping[str, str],
         own: OwnNodes | None = None,
         revive: Callable[[str, dict[str, Any]], Child] | None = None,
+        is_over: Callable[[], bool] = lambda: False,
     ) -> None:
         """Manage `children` by name; None stands for a node whose process is somebody else's.
 
         `revive` starts a node that has died again, with some parameters changed; without it such a node is the end.
+        `is_over` ends every wait with a `RunError` once it is true.
         """
         self._children = dict(children)
         self._strange = own.strange if own is not None else ()
         self._revive = revive
+        self._is_over = is_over
         self._policy = RestartPolicy()
         self._due_s: dict[str, float] = {}  # dead nodes, and when they are to be started again
         self._death_s: dict[str, float] = {}  # when each died last, on the monotonic clock
@@ -288,6 +291,9 @@ class Supervisor:
     def spin(self) -> None:
         """Handle one message or event; complain when a process has died."""
         self._executor.spin_once(timeout_sec=LOOK_S)
+        if self._is_over():
+            msg = "it was told to end"
+            raise RunError(msg)
         now_s = time.monotonic()
         for name, child in self._children.items():
             if child is not None and name not in self._due_s and child.process.poll() is not None:

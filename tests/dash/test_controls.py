@@ -65,16 +65,17 @@ def test_what_others_have_changed_is_shown(control: ChangeControl) -> None:
     assert control.widgets[place].value == 0.0
 
 
-def test_the_echo_of_a_change_leaves_alone_what_has_been_typed_since(control: ChangeControl, sent: Sent) -> None:
+def test_what_has_been_typed_stays_while_the_changes_before_it_come_about(control: ChangeControl, sent: Sent) -> None:
     name, place = SUPERHEAT
-    control.widgets[place].value = -2.5
-    control._clicked()
-    assert sent.changes == [{"ramp_s": 0.0, name: -2.5}]
-    control.widgets[place].value = -3.0
-    control.show(view(**{name: -2.5}))
-    assert control.widgets[place].value == -3.0
-    control.show(view())  # somebody else, or a reset
-    assert control.widgets[place].value == 0.0
+    for value in (-2.5, -3.0):
+        control.widgets[place].value = value
+        control._clicked()
+    assert sent.changes == [{"ramp_s": 0.0, name: -2.5}, {"ramp_s": 0.0, name: -3.0}]
+    for typed in (-4.0, None):
+        control.widgets[place].value = typed
+        for value in (-2.5, -3.0, 0.0):
+            control.show(view(**{name: value}))
+            assert control.widgets[place].value == typed
 
 
 def test_back_to_zero_undoes_a_change_that_has_not_been_heard_of_yet(control: ChangeControl, sent: Sent) -> None:
@@ -86,6 +87,26 @@ def test_back_to_zero_undoes_a_change_that_has_not_been_heard_of_yet(control: Ch
     control.show(view(**{name: -2.5}))
     control.show(view())
     assert control.widgets[place].value == 0.0
+
+
+def test_a_change_that_was_refused_can_be_sent_again_and_gives_way_to_somebody_else_s(
+    control: ChangeControl, sent: Sent
+) -> None:
+    name, place = SUPERHEAT
+    control.widgets[place].value = -2.5
+    control._clicked()
+    control._clicked()
+    assert sent.changes == 2 * [{"ramp_s": 0.0, name: -2.5}]
+    control.show(view(**{name: 1.0}))
+    assert control.widgets[place].value == 1.0
+
+
+def test_a_value_that_is_not_shown_to_the_last_digit_is_not_taken_for_a_typed_one(control: ChangeControl) -> None:
+    pressure = OFFSETS[0].name
+    control.show(view(**{pressure: 1234.56789012}))
+    assert control.widgets[0].value == 1.234568
+    control.show(view(**{pressure: 500.0}))
+    assert control.widgets[0].value == 0.5
 
 
 def test_only_what_is_new_is_sent(control: ChangeControl, sent: Sent) -> None:

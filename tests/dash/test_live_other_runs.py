@@ -39,6 +39,10 @@ def test_a_plant_of_your_own(browser: Browser, own_plant: Path) -> None:
         assert newest(page, "superheat_reference") == pytest.approx(15.0)
         click(page, "Inject f_N")
         is_lit(page, "isolated_f_N")
+        click(page, "Reset")
+        expect(page.locator(".said")).to_have_text("started anew at the operating point med")
+        until(lambda: newest(page, "f_n") == 0.0, "the fault is still there")
+        until(lambda: math.isclose(newest(page, "p_e"), 265.0, abs_tol=0.5), "not the car's medium point any more")
 
 
 def test_run_with_a_page_beside_it(browser: Browser, tmp_path: Path) -> None:

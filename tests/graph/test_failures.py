@@ -128,11 +128,21 @@ def test_node_that_hangs_when_told_to_end_ends_all_the_same_and_says_where_it_st
     assert "in destroy_node" in said
 
 
+def test_reason_why_a_node_ended_is_told_also_when_it_hung_after_it(tmp_path: Path) -> None:
+    fails = HELD.replace('print("ready", flush=True)', 'raise RuntimeError("broken")')
+    child = start("held", ["-c", fails], tmp_path, ros_environment())
+    try:
+        assert child.process.wait(30) == 1
+    finally:
+        stop([child])
+    assert child.last_words() == "scenario: RuntimeError: broken"
+
+
 def test_what_is_over_in_time_ends_no_process() -> None:
-    code = "import time; from bringup.ros.last_resort import over_in\n"
-    code += "with over_in(0.3): pass\n"
+    code = "import time; from bringup.ros.last_resort import bounded\n"
+    code += "with bounded(0.3): pass\n"
     code += "time.sleep(0.6); print('lives', flush=True)\n"
-    code += "with over_in(0.3): time.sleep(60)"
+    code += "with bounded(0.3): time.sleep(60)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30, check=False)
     assert (done.returncode, done.stdout) == (1, "lives\n")
     assert 'File "<string>", line 4' in done.stderr
