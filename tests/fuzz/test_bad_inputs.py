@@ -62,7 +62,7 @@ def test_a_traceback_or_a_second_line_would_be_noticed(tmp_path: Path) -> None:
 @pytest.mark.parametrize("target", ["messages", "scenario"])
 def test_coverage_guided_fuzzing_finds_nothing(target: str) -> None:
     script = Path(__file__).with_name("guided.py")
-    command = [sys.executable, str(script), target, "--seconds", "5", "--seed", "1"]
+    command = [sys.executable, str(script), target, "--seconds", "10", "--seed", "1"]
     result = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
     assert result.returncode == 0, (result.stdout + result.stderr)[-3000:]
     assert "stat::number_of_executed_units" in result.stderr
