@@ -2,6 +2,8 @@
 
 import re
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -62,10 +64,10 @@ def finish(
     summary = summarise(recording)
     written = [folder / "summary.json"]
     write_summary(summary, written[0])
-    remove_report(folder)
-    if with_report:
-        written.append(folder / "report.html")
-        write_page(written[-1], recording, bag, *companion(recording))
+    with _earlier_report_removed(folder):
+        if with_report:
+            written.append(folder / "report.html")
+            write_page(written[-1], recording, bag, *companion(recording))
     if as_json:
         print_json(summary)
     else:
@@ -73,11 +75,21 @@ def finish(
         say(f"wrote {' and '.join(map(str, written))}")
 
 
-def remove_report(folder: Path) -> None:
-    """Remove the report of an earlier run, and its pictures: what lies beside a summary must tell of the same run."""
-    for item in folder.iterdir():
-        if _OF_REPORT.fullmatch(item.name):
+@contextmanager
+def _earlier_report_removed(folder: Path) -> Iterator[None]:
+    """Remove what is left of an earlier run's report afterwards: what lies beside a summary must tell of the same run.
+
+    Not before: a report that cannot be written leaves what was there as it was.
+    """
+    earlier = {item: item.stat().st_ino for item in folder.iterdir() if _is_of_report(item)}
+    yield
+    for item, number in earlier.items():
+        if item.stat().st_ino == number:  # a file that was written anew is another one
             item.unlink()
+
+
+def _is_of_report(item: Path) -> bool:
+    return item.is_file() and _OF_REPORT.fullmatch(item.name) is not None
 
 
 def write_page(path: Path, recording: "Recording", bag: Path | None, beside: "Recording | None", note: str) -> None:

@@ -108,7 +108,7 @@ def end_with_parent() -> None:
 
 
 def _end_after(parent: int) -> None:
-    """End this process in time after the one of this file descriptor."""
+    """End this process `PATIENCE_S` after the one of this file descriptor, whatever it does then."""
     select.select([parent], [], [])
     exit_within(1, PATIENCE_S)
 

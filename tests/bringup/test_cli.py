@@ -123,6 +123,19 @@ def test_without_a_report_that_of_an_earlier_run_goes_and_what_is_the_users_stay
     assert "report.html" not in result.stdout + result.stderr
 
 
+def test_a_report_takes_the_place_of_an_earlier_one_once_it_can_be_written(tmp_path: Path):
+    run = ("simulate", "nominal", "--set", "duration_s=1", "--out", str(tmp_path))
+    for name in ("report.html", "report.svg", "report_fault_2.png"):
+        (tmp_path / name).write_text("earlier")
+    (tmp_path / "report.png").mkdir()  # so the new one cannot be
+    assert acftc(*run).returncode == 1
+    assert (tmp_path / "report.html").read_text() == (tmp_path / "report_fault_2.png").read_text() == "earlier"
+    (tmp_path / "report.png").rmdir()
+    assert acftc(*run).returncode == 0
+    assert (tmp_path / "report.html").stat().st_size > 100_000
+    assert not (tmp_path / "report_fault_2.png").exists()
+
+
 def test_an_unexpected_error_is_one_line_and_the_traceback_is_kept(tmp_path: Path):
     probe = """
 import bringup.cli
