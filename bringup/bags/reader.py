@@ -236,20 +236,17 @@ def _timing(health: dict[str, str]) -> dict[str, Any]:
 
 
 def _events(raw: RawBag, first: int, duration_ns: int) -> list[dict[str, Any]]:
-    """What nodes announced within the run, in order of time."""
-    found = []
+    """What nodes announced within the run, in order of time; each once, as reports tell it more than once."""
+    found: dict[tuple[float, str, str], None] = {}  # in the order of reports
     for name, values in health_reports(raw):
         try:
             announced = [(float(time_s), str(what)) for time_s, what in json.loads(values["announced"])]
         except (KeyError, ValueError, TypeError):
             continue
         since = [(round(time_s - first / 1e9, 6) if first else time_s, what) for time_s, what in announced]
-        found += [
-            {"time_s": time_s, "node": name, "what": what}
-            for time_s, what in since
-            if 0.0 <= time_s < duration_ns / 1e9
-        ]
-    return sorted(found, key=lambda event: (event["time_s"], event["node"]))
+        found |= {(time_s, name, what): None for time_s, what in since if 0.0 <= time_s < duration_ns / 1e9}
+    in_order = sorted(found, key=lambda event: event[:2])
+    return [{"time_s": time_s, "node": name, "what": what} for time_s, name, what in in_order]
 
 
 def health_reports(raw: RawBag) -> Iterator[tuple[str, dict[str, str]]]:

@@ -83,21 +83,25 @@ def first_tick_s(raw: RawBag) -> float:
 def events_of(reports: Sequence[Report], first_tick_s: float = 0.0) -> list[Event]:
     """What the nodes reported beyond business as usual, in order of time.
 
-    A change of what a node does (``announced``, or a message that is no state of the life cycle), a counter of
-    something that should not be, that grew; inputs that were refused, by reason where the node gives one.
+    A change of what a node does (``announced``, in one report or more, or a message that is no state of the life
+    cycle), a counter of something that should not be, that grew; inputs that were refused, by reason where the node
+    gives one.
     """
     events: list[Event] = []
+    told: set[Event] = set()
     last: dict[str, Report] = {}
     for report in reports:
         if report.node == BRINGUP:
             last[BRINGUP] = report
             continue
         before = last.get(report.node)
-        events += _announced(report, first_tick_s)
+        announced = list(_announced(report, first_tick_s))
+        events += [event for event in announced if event not in told]
+        told.update(announced)
         events += _grown(report, before)
         said = before.message if before else "inactive"
         state = report.values.get("state", "")
-        if report.message not in (said, state) and not _tells(report, "announced"):
+        if report.message not in (said, state, *(event.what for event in announced)):
             events.append(Event(report.time_s, report.node, report.message))
         ended = before is not None and before.values.get("state") == "active" and state not in ("active", "")
         if ended and report.values.get("finished") != "true":
@@ -178,10 +182,6 @@ def _grown(report: Report, before: Report | None) -> Iterator[Event]:
     for key, words in _COUNTERS.items():
         if (more := growth(key)) > 0:
             yield Event(report.time_s, report.node, f"{more} {words}")
-
-
-def _tells(report: Report, key: str) -> bool:
-    return report.values.get(key, "[]") != "[]"
 
 
 def _number(text: str | None) -> float:

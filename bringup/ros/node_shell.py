@@ -367,6 +367,7 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
 
     def _forget(self) -> None:
         self._new_inputs()
+        self.health.forget()
         while self._subscribed:
             self.destroy_subscription(self._subscribed.pop())
         self._begins_anew = True
@@ -419,6 +420,7 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         gc.collect(1)
         values = {
             "state": self.state,
+            "pid": str(os.getpid()),
             "scheduling": self._scheduled,
             "realtime_care": self._care.state,
             **self.health.report(),

@@ -3,7 +3,10 @@
 import json
 import math
 import time
-from collections import Counter
+from collections import Counter, deque
+
+#: How long, s, and how many of them at most, announcements are told again: a recorder that was away finds them, too.
+AGAIN_S, MOST_AGAIN = 10.0, 16
 
 
 class Health:
@@ -14,7 +17,8 @@ class Health:
         self.rejected: Counter[str] = Counter()  # by reason
         self.last_rejected = ""
         self.mode = ""  # what the node does other than usual
-        self._announced: list[tuple[float, str]] = []
+        self._announced: list[tuple[float, str]] = []  # and not reported yet
+        self._told: deque[tuple[float, tuple[float, str]]] = deque(maxlen=MOST_AGAIN)  # first reported when
         self.overruns = 0  # ticks whose own work took longer than a sample time
         self.longest_s = 0.0
         self._latencies_s: list[float] = []
@@ -34,8 +38,13 @@ class Health:
         self._latencies_s.append(took_s)
 
     def announce(self, time_s: float, text: str) -> None:
-        """Have a change of what the node does (at a tick's time) in the next report."""
+        """Have a change of what the node does (at a tick's time) in the next report, and in those soon after it."""
         self._announced.append((time_s, text))
+
+    def forget(self) -> None:
+        """Tell nothing of it again: what comes next is another run, with times of its own."""
+        self._announced.clear()
+        self._told.clear()
 
     def report(self) -> dict[str, str]:
         """Figures since the last call."""
@@ -43,7 +52,11 @@ class Health:
         since, ticks = self._reported
         self._reported = (now, self.ticks)
         latencies, self._latencies_s = sorted(self._latencies_s), []
-        announced, self._announced = self._announced, []
+        while self._told and now - self._told[0][0] > AGAIN_S:
+            self._told.popleft()
+        announced = [*(item for _, item in self._told), *self._announced]
+        self._told.extend((now, item) for item in self._announced)
+        self._announced = []
         return {
             "ticks": str(self.ticks),
             "rate_hz": f"{(self.ticks - ticks) / max(now - since, 1e-9):.1f}",

@@ -240,7 +240,9 @@ def test_what_is_out_of_the_ordinary_is_an_event():
         report(1.0, node="fdi", rejected_inputs="2", **{"rejected/not finite": "2"}, last_rejected="p_e is nan"),
         report(2.0, node="ac_plant", missed_ticks="3"),
         report(3.0, "no q: K0 alone", node="gimc_controller", announced=json.dumps([[102.5, "no q: K0 alone"]])),
+        report(3.5, "no q: K0 alone", node="gimc_controller", announced=json.dumps([[102.5, "no q: K0 alone"]])),
         report(4.0, "disk full", node="recorder"),
+        report(4.5, "no design", node="gimc_controller", announced=json.dumps([[102.5, "no q: K0 alone"]])),
         report(5.0, node="gimc_controller", announced="not JSON"),
         report(6.0, node="fdi", rejected_inputs="2"),
     ]
@@ -249,6 +251,7 @@ def test_what_is_out_of_the_ordinary_is_an_event():
         (2.0, "ac_plant", "3 ticks missed (command late, the last one held)"),
         (2.5, "gimc_controller", "no q: K0 alone"),
         (4.0, "recorder", "disk full"),
+        (4.5, "gimc_controller", "no design"),
     ]
 
 

@@ -21,7 +21,7 @@ from bringup.bench.endurance import COLUMNS, growth_mb, lost_messages, main, mis
 from bringup.bench.host_noise import lost_s, missed_by_us
 from bringup.ros import awake, realtime
 from bringup.ros.health import MissedTick, health_of, missed_ticks
-from bringup.ros.own_health import Health
+from bringup.ros.own_health import AGAIN_S, MOST_AGAIN, Health
 from bringup.ros.processes import ros_environment, stop
 from bringup.ros.realtime import Care, Latencies
 from bringup.topics import PRESSURE
@@ -174,6 +174,30 @@ def test_watchdog_counts_ticks_that_took_longer_than_they_may(monkeypatch: pytes
     said = health.report()
     assert (said["overruns"], said["ticks"]) == ("1", "4")
     assert float(said["longest_tick_ms"]) == pytest.approx(30.0)
+
+
+def test_what_was_announced_is_told_again_for_a_while_and_not_in_the_next_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = [100.0]
+    monkeypatch.setattr("bringup.ros.own_health.time.monotonic", lambda: now_s[0])
+    health = Health()
+
+    def told() -> list[list[object]]:
+        return json.loads(health.report()["announced"])
+
+    health.announce(1.0, "no q")
+    assert told() == [[1.0, "no q"]]
+    now_s[0] += 0.9 * AGAIN_S
+    health.announce(9.0, "as usual again")
+    assert told() == [[1.0, "no q"], [9.0, "as usual again"]]
+    now_s[0] += 0.2 * AGAIN_S
+    assert told() == [[9.0, "as usual again"]]
+    for k in range(3 * MOST_AGAIN):
+        health.announce(10.0 + k, "no q")
+    assert len(told()) == 1 + 3 * MOST_AGAIN  # all that is new, however much
+    assert len(told()) == MOST_AGAIN
+    health.announce(99.0, "no q")
+    health.forget()
+    assert told() == []
 
 
 def test_overruns_of_a_node_are_those_of_all_its_lives() -> None:
