@@ -55,7 +55,7 @@ def recovery(out: Path) -> list[Figure]:
     domain: list[int] = []
     scenario = load("nominal", [f"duration_s={seconds:g}", "references={}", "air={}", "faults=[]"])
     try:
-        run = run_graph(scenario, out, mode="realtime", progress=disturb, beside=domain.append)
+        run = run_graph(scenario, out, mode="realtime", progress=disturb, say=lambda _: None, beside=domain.append)
     finally:
         for node in strangers:
             node.destroy_node()

@@ -67,7 +67,9 @@ def run_seed(seed: int, folder: Path, duration_s: float, progress: Callable[[int
     run, problem = None, ""
     probes = start_host_noise(duration_s + 60.0)
     try:
-        run = run_graph(chosen.scenario, folder, mode="realtime", progress=follow, own=own, care=True)
+        run = run_graph(
+            chosen.scenario, folder, mode="realtime", progress=follow, own=own, say=lambda _: None, care=True
+        )
     except BringupError as failure:
         if not any((folder / "bag").glob("*.mcap")):
             raise  # it has not begun: nothing of the plan is to blame

@@ -90,7 +90,8 @@ def run_graph(
     own
         Nodes and parameters of your own.
     say
-        Told what the user has to do: which node to start by hand, and how.
+        Told, in a line each, what the user has to do (which node to start by hand, and how), and during the run which
+        node died, that it is back in service, and what is in the graph and does not belong there.
     beside
         Called with the run's ROS domain before its nodes start, to start whatever is to look at them.
     care
@@ -140,7 +141,7 @@ def run_graph(
 
                 # In lockstep nothing may be lost: there a dead node is the end of the run.
                 reviving = revive if mode == "realtime" else None
-                with Supervisor(managed, environment, own, reviving) as supervisor:
+                with Supervisor(managed, environment, own, reviving, say=say) as supervisor:
                     supervisor.activate(ACTIVATION_ORDER)
                     start_seconds = time.monotonic() - called_s
                     supervisor.wait_until_done(scenario.ticks, progress)

@@ -51,19 +51,23 @@ class Supervisor:
         own: OwnNodes | None = None,
         revive: Callable[[str, dict[str, Any]], Child] | None = None,
         is_over: Callable[[], bool] = lambda: False,
+        say: Callable[[str], None] = lambda _: None,
     ) -> None:
         """Manage `children` by name; None stands for a node whose process is somebody else's.
 
         `revive` starts a node that has died again, with some parameters changed; without it such a node is the end.
-        `is_over` ends every wait with a `RunError` once it is true.
+        `is_over` ends every wait with a `RunError` once it is true. `say` is told at once, in a line each, which node
+        died, that it is back in service, and what is in the graph and does not belong there.
         """
         self._children = dict(children)
         self._strange = own.strange if own is not None else ()
         self._revive = revive
         self._is_over = is_over
+        self._say = say
         self._policy = RestartPolicy()
         self._due_s: dict[str, float] = {}  # dead nodes, and when they are to be started again
         self._death_s: dict[str, float] = {}  # when each died last, on the monotonic clock
+        self._dead_pid: dict[str, str] = {}  # and which process that was: its last words may come after its end
         self.restarts: list[Restart] = []
         self._changed: dict[str, dict[str, Any]] = {}  # parameters that were set while nodes ran
         self._is_running = False
@@ -183,9 +187,13 @@ class Supervisor:
     def _heard(self, message: DiagnosticArray) -> None:
         for status in message.status:
             name = status.name.rsplit("/", 1)[-1]
-            if status.name == f"{NAMESPACE}/{name}" and name in self._children and name not in self._due_s:
-                self.health[name] = {item.key: item.value for item in status.values}
-                self._is_back(name)
+            if status.name != f"{NAMESPACE}/{name}" or name not in self._children or name in self._due_s:
+                continue
+            said = {item.key: item.value for item in status.values}
+            if name in self._dead_pid and said.get("pid") == self._dead_pid[name]:
+                continue
+            self.health[name] = said
+            self._is_back(name)
 
     def _of(self, name: str, key: str) -> str:
         return self.health.get(name, {}).get(key, "")
@@ -305,6 +313,8 @@ class Supervisor:
             self._looked_s = now_s
             strangers = self._look_for_strangers()
             if strangers or strangers != self.strangers or self.restarts:
+                for stranger in sorted(set(strangers) - set(self.strangers)):
+                    self._say(stranger)
                 self.strangers = strangers
                 self._report()
 
@@ -321,8 +331,10 @@ class Supervisor:
             raise RunError(self._failed(child.name, "died"))
         self._due_s[child.name] = now_s + wait_s
         self._death_s[child.name] = now_s
-        self.health.pop(child.name, None)
-        self.restarts.append(Restart(child.name, self._run_s(), f"{child.end}: {child.last_words()}"))
+        self._dead_pid[child.name] = self.health.pop(child.name, {}).get("pid", str(child.process.pid))
+        restart = Restart(child.name, self._run_s(), f"{child.end}: {child.last_words()}")
+        self.restarts.append(restart)
+        self._say(f"node {restart.node} died ({restart.reason}) and is started again")
 
     def _start_again(self, name: str) -> None:
         assert self._revive is not None
@@ -338,6 +350,7 @@ class Supervisor:
             if restart.node == name and math.isnan(restart.back_s) and int(self._of(name, "ticks") or 0) > 0:
                 # Not by `_run_s` again: after a pause the first tick is another.
                 restart.back_s = round(restart.died_s + time.monotonic() - self._death_s[name], 3)
+                self._say(f"node {name} is back in service after {restart.back_s - restart.died_s:.1f} s")
                 self._report()
 
     def _run_s(self) -> float:

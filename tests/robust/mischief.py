@@ -18,15 +18,30 @@ def pid_of(node: str) -> int:
 
 @dataclass
 class Mischief:
-    """A progress function of `run_graph` that does something at some ticks, and notes at which it did."""
+    """A progress function of `run_graph` that does something at some ticks, and notes at which it did.
+
+    What is due waits until all nodes that have died are in service again, and for `rest` ticks more.
+    """
 
     plan: Sequence[tuple[int, Callable[[], object]]]
+    rest: int = 0
     done: list[int] = field(default_factory=list)
+    said: list[str] = field(default_factory=list)
+    _disturbed: int = -1
+
+    def say(self, line: str) -> None:
+        """Be told what bringup tells the user."""
+        self.said.append(line)
 
     def __call__(self, tick: int, _ticks: int) -> None:
-        while len(self.done) < len(self.plan) and tick >= self.plan[len(self.done)][0]:
+        if sum("is started again" in line for line in self.said) > sum("back in service" in line for line in self.said):
+            self._disturbed = tick
+        while len(self.done) < len(self.plan) and tick >= max(
+            self.plan[len(self.done)][0], self._disturbed + self.rest
+        ):
             act = self.plan[len(self.done)][1]
             self.done.append(tick)
+            self._disturbed = tick
             act()
 
 

@@ -72,9 +72,8 @@ def test_second_publisher_is_reported_and_its_commands_are_left_alone(tmp_path: 
         begun.append(subprocess.Popen([sys.executable, "-c", INTRUDER], env=_environment()))
 
     try:
-        run = run_graph(
-            load("nominal", ["duration_s=11"]), tmp_path, mode="realtime", progress=Mischief([(10, intrude)])
-        )
+        scenario, mischief = load("nominal", ["duration_s=11"]), Mischief([(10, intrude)])
+        run = run_graph(scenario, tmp_path, mode="realtime", progress=mischief, say=mischief.say)
     finally:
         for process in begun:
             process.wait(20)
@@ -84,6 +83,7 @@ def test_second_publisher_is_reported_and_its_commands_are_left_alone(tmp_path: 
     assert "foreign node /ac/intruder" in said
     assert "/ac/controller/command: second publisher /ac/intruder" in said
     assert "/ac/measured/superheat: /ac/intruder has another version of sensor_msgs/msg/Temperature" in said
+    assert mischief.said.count("foreign node /ac/intruder") == 1  # the user is told, once
     assert "has type std_msgs/msg/String instead of sensor_msgs/msg/FluidPressure" in said
     (injector,) = [values for name, values in reports if name == "fault_injector"][-1:]
     assert int(injector["rejected/stranger"]) > 5
