@@ -24,6 +24,7 @@ from bringup.ros.parameters import (
     SUPERHEAT_SENSOR,
 )
 from bringup.topics import FDI
+from fdi_node.turns import Turns
 
 PARAMETERS = (
     OPERATING_POINT,
@@ -46,6 +47,7 @@ class FdiNode(NodeShell):
 
     def __init__(self) -> None:
         super().__init__(FDI, PARAMETERS)
+        self._turns = Turns(self._observe, self._close)
 
     def configure(self) -> None:
         """Load the design of the operating point."""
@@ -58,11 +60,7 @@ class FdiNode(NodeShell):
         self._start_ns = self.run_start_ns if self._joins else None
         self._frozen = Frozen(MEASURED)
         self._last_command: np.ndarray | None = None
-        self._observed_ns = -1
-        self._waits_for_command_of: int | None = None
-        self._early: tuple[float, ...] | None = None
-        self._ahead: tuple[int, float, float] | None = None
-        self._overtaken = 0
+        self._turns = Turns(self._observe, self._close)
         self.on_tick(
             (*MEASURED, "plant/air_inlet_temperature"),
             self._measured,
@@ -74,36 +72,23 @@ class FdiNode(NodeShell):
             self.on_tick(("actuator/setpoint",), self._commanded)
 
     def _measured(self, time_ns: int, *values: float) -> None:
-        """Observe; a measurement that overtook the command of the tick before waits for it."""
+        """Take the measurements of a tick."""
         if self.is_realtime and (topic := self._frozen.which(time_ns / 1e9, values[:3])):
             self.reject(topic, "frozen", f"{topic}: has stood still for {FROZEN_S:g} s while others moved")
             return
         if self._joins and not self._join(time_ns, *values):
             return
-        if self._waits_for_command_of is None:
-            self._observe(time_ns, *values)
-            return
-        if self._early is not None:
-            # That command is lost or very late: the observer goes on with the one it has.
-            self._overtaken += 1
-            self._observe(*self._early)  # type: ignore[arg-type]
-        self._early = (time_ns, *values)
+        self._turns.measured(time_ns, *values)
 
     def _commanded(self, time_ns: int, compressor_speed: float, valve_opening: float) -> None:
-        """Close the tick; a command that overtook its own measurement, as a replay's may, waits for it."""
+        """Take the command of a tick."""
         self._last_command = np.array([compressor_speed, valve_opening])
-        if self._waits_for_command_of is None:
-            if time_ns > self._observed_ns:
-                self._ahead = (time_ns, compressor_speed, valve_opening)
-            return
-        if time_ns < self._waits_for_command_of:
-            return
-        self._detector.commanded(self._last_command)
-        self.keep(self._observed_ns, self._detector.memory)
-        self._waits_for_command_of = None
-        if self._early is not None:
-            early, self._early = self._early, None
-            self._observe(*early)  # type: ignore[arg-type]
+        self._turns.commanded(time_ns, compressor_speed, valve_opening)
+
+    def _close(self, compressor_speed: float, valve_opening: float) -> None:
+        """Step the observer over the tick that was observed last."""
+        self._detector.commanded(np.array([compressor_speed, valve_opening]))
+        self.keep(self._turns.observed_ns, self._detector.memory)
 
     def _join(self, time_ns: int, *values: float) -> bool:
         """Begin in the middle of a run; False while there is no command yet."""
@@ -120,7 +105,7 @@ class FdiNode(NodeShell):
 
     def _catch_up(self, time_ns: int, *values: float) -> None:
         """Go over the ticks since the last one that was observed."""
-        missed = self.missed_ticks(self._observed_ns, time_ns)
+        missed = self.missed_ticks(self._turns.observed_ns, time_ns)
         if missed <= 0 or self._last_command is None:
             return
         now = (np.array(values[:3]), values[3], self._last_command)
@@ -132,13 +117,12 @@ class FdiNode(NodeShell):
     def _observe(self, time_ns: int, *values: float) -> None:
         if self._start_ns is None:
             self._start_ns = time_ns
-        if self.is_realtime and self._observed_ns >= 0:
-            if self._waits_for_command_of is not None and self._last_command is not None:
+        if self.is_realtime and self._turns.observed_ns >= 0:
+            if self._turns.awaited_ns is not None and self._last_command is not None:
                 self._detector.commanded(self._last_command)
             self._catch_up(time_ns, *values)
         time_s = (time_ns - self._start_ns) / 1e9
         found = self._detector.observe(time_s, np.array(values[:3]), values[3])
-        self._waits_for_command_of = self._observed_ns = time_ns
         p_e, superheat, wall = found.innovation.tolist()
         speed, pressure = found.residual.tolist()
         first, second = found.thresholds.tolist()
@@ -158,13 +142,10 @@ class FdiNode(NodeShell):
         self.send(time_ns, "fdi/status", status)
         self.send(time_ns, "fdi/residual/compressor_speed", speed)
         self.send(time_ns, "fdi/residual/evaporator_pressure", pressure)
-        if self._ahead is not None:
-            ahead, self._ahead = self._ahead, None
-            self._commanded(*ahead)
 
     def health_values(self) -> dict[str, str]:
         """How often a measurement had to go ahead without the command of the tick before."""
-        return {"missed_commands": str(getattr(self, "_overtaken", 0))}
+        return {"missed_commands": str(self._turns.overtaken)}
 
 
 def main() -> int:
