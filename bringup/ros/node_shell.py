@@ -15,6 +15,7 @@ import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any, NoReturn
 
 import rclpy
@@ -103,7 +104,9 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         self._memory_file = ""
         self._begins_anew = False
         self._kept_ns = 0
-        self._keeping: threading.Thread | None = None
+        self._to_keep: SimpleQueue[str | None] = SimpleQueue()
+        self._writer: threading.Thread | None = None
+        self._is_writing = False
         self.running = False
         self.is_realtime = False  # whether this node's ticks are the wall clock's
         self.deadline_s = math.inf  # monotonic time at which `on_deadline` is due
@@ -258,13 +261,23 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         """Write `memory` of this tick to the memory file, when it is time to."""
         if not self._memory_file or time_ns - self._kept_ns < MEMORY_PERIOD_S * 1e9:
             return
-        if self._keeping is not None and self._keeping.is_alive():
+        if self._writer is None or self._is_writing:
             return  # the disk is busy: the next one then
         self._kept_ns = time_ns
-        content = json.dumps({"time_ns": time_ns, **memory()})
-        # A disk may take its time, a tick may not.
-        self._keeping = threading.Thread(target=self._write_memory, args=(content,), daemon=True)
-        self._keeping.start()
+        self._is_writing = True
+        self._to_keep.put(json.dumps({"time_ns": time_ns, **memory()}))
+
+    def _write_memories(self) -> None:
+        """Write what `keep` gives, in a thread of its own: a disk may take its time, a tick may not."""
+        while (content := self._to_keep.get()) is not None:
+            self._write_memory(content)
+            self._is_writing = False
+
+    def _end_writer(self) -> None:
+        if self._writer is not None:
+            self._to_keep.put(None)
+            self._writer.join()
+            self._writer = None
 
     def _write_memory(self, content: str) -> None:
         new = Path(f"{self._memory_file}.new")
@@ -372,8 +385,6 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
             self.destroy_subscription(self._subscribed.pop())
         self._begins_anew = True
         if self._memory_file:
-            if self._keeping is not None:
-                self._keeping.join()
             Path(self._memory_file).unlink(missing_ok=True)
         self.soon(self.report_health)
 
@@ -388,6 +399,9 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         gc.disable()
         self._scheduled = set_priority(self.value("priority"))
         self._fifo = self.value("priority") if self._scheduled.startswith("SCHED_FIFO") else 0
+        if self._memory_file:  # now: with memory locked, the stack of a new thread takes its time, and a tick with it
+            self._writer = threading.Thread(target=self._write_memories, daemon=True)
+            self._writer.start()
         if self.value("realtime_care"):
             self._care.begin()
         self.started()
@@ -399,6 +413,7 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         gc.enable()
         self._fifo = 0
         set_priority(0)
+        self._end_writer()
         self._care.end()
         self.stopped()
         self.soon(self.report_health)
