@@ -323,7 +323,7 @@ def test_a_long_run_shortened(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     main(["--seconds", "8", "--rate", "10", "--out", str(tmp_path)])
     said = capsys.readouterr().out
     rows = [line for line in said.splitlines() if line.strip().partition(" ")[0].isdecimal() and " s " in line]
-    assert len(rows) >= 4, said
+    assert len(rows) >= 2, said
     assert all(len(row.split()) == 2 + len(COLUMNS) for row in rows)
     assert "bag complete: True" in said, said
     assert "goes on growing, by" not in said, said

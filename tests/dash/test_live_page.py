@@ -93,11 +93,13 @@ def test_references_and_air_follow_what_is_typed(page: Page) -> None:
 
 def test_a_number_out_of_range_is_not_sent(page: Page) -> None:
     before = newest(page, "superheat_reference")
+    page.get_by_label("air mass flow, %").fill("5")
     field = page.get_by_label("SH reference, K")
     field.fill("500")
     field.press("Enter")
     click(page, "Apply")
     expect(field).to_have_value("0")
+    expect(page.locator(".said")).to_have_text("air mass flow +5 %")  # the reply, which would hide the next complaint
     field.fill("")
     field.press("Enter")
     click(page, "Apply")
@@ -165,7 +167,7 @@ def test_only_the_chosen_time_is_sent_and_drawn(page: Page) -> None:
     click(page, "30 s")
     until(lambda: newest(page, "t") - oldest_s() < 31.0, "it holds more than it shows")
     click(page, "300 s")
-    until(lambda: oldest_s() == first_s, "what had been left out does not come back")
+    until(lambda: oldest_s() <= first_s, "what had been left out does not come back")
     click(page, "120 s")
 
 

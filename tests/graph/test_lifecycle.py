@@ -89,8 +89,9 @@ def test_plant_goes_on_after_a_pause(tmp_path: Path) -> None:
                 operator.change("ac_plant", Transition.TRANSITION_DEACTIVATE)
                 operator.change("ac_plant", Transition.TRANSITION_ACTIVATE)
 
-    run = run_graph(load("nominal", ["duration_s=5"]), tmp_path, mode="realtime", care=True, progress=pause)
+    run = run_graph(load("nominal", ["duration_s=8"]), tmp_path, mode="realtime", care=True, progress=pause)
     assert paused
     recording = read_bag(run.bag)
-    assert len(recording.time_s) >= 50
-    np.testing.assert_allclose(recording.series["plant/superheat"][-1], 20.0, atol=0.01)
+    assert len(recording.time_s) >= 80
+    superheat = recording.series["plant/superheat"]
+    np.testing.assert_allclose(superheat[np.isfinite(superheat)][-1], 20.0, atol=0.01)

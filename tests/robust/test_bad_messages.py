@@ -31,6 +31,8 @@ VALUES = {
     Q: [0.0, 0.0],
 }
 PERIOD_S = 0.1
+#: How long the answer to a tick is waited for.
+ANSWER_S = 2.0
 
 
 class Surroundings:
@@ -70,6 +72,10 @@ class Surroundings:
             for name in VALUES:
                 for message in [self.packed(name)] if spoil is None else spoil(name):
                     self.publish(name, message)
+            stamp = self._start_ns + self._tick * int(PERIOD_S * 1e9)
+            late_s = time.monotonic() + ANSWER_S
+            while (not self.commands or self.commands[-1][0] < stamp) and time.monotonic() < late_s:
+                self._supervisor._executor.spin_once(timeout_sec=PERIOD_S)  # however late this process is
             self._tick += 1
             while (left := self._start_s + self._tick * PERIOD_S - time.monotonic()) > 0:
                 self._supervisor._executor.spin_once(timeout_sec=left)

@@ -24,6 +24,7 @@ from bringup.ros.restarts import MOST
 from bringup.safe_command import SAFE_RATE
 from bringup.scenario import check, load
 from bringup.topics import COMPENSATOR, CONTROLLER, FDI, INJECTOR, PLANT, RECORDER, SCENARIO
+from bringup.units import RPM
 from tests.operator import Operator
 from tests.processes import processes_that_mention
 
@@ -31,7 +32,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.clock]
 
 FAULTY = {
     "name": "faulty",
-    "duration_s": 38.0,
+    "duration_s": 50.0,
     "faults": [{"kind": "compressor_speed", "size_rpm": 40, "onset_s": 0.5}],
     "noise": {"evaporator_pressure_kpa": 0.02, "superheat_k": 0.02, "wall_temperature_k": 0.02, "seed": 7},
 }
@@ -39,9 +40,14 @@ FAULTY = {
 KILLED = {42: FDI, 82: COMPENSATOR, 122: RECORDER, 162: CONTROLLER, 212: INJECTOR, 252: SCENARIO}
 #: A node is to be back within 3 s (`acftc bench` measures it); a machine that is busy with other tests takes longer.
 PATIENCE_S = 8.0
-#: Without the first, the second sends the actuators to the safe command.
-MOVES = {CONTROLLER: INJECTOR, INJECTOR: PLANT}
 SAFE = "no command: actuators go to the safe command"
+#: Without the first, the second says so.
+SAYS = {
+    FDI: (CONTROLLER, "no q: K0 alone"),
+    COMPENSATOR: (CONTROLLER, "no q: K0 alone"),
+    CONTROLLER: (INJECTOR, SAFE),
+    INJECTOR: (PLANT, SAFE),
+}
 #: How long the actuators hold the last command before that.
 HOLD_S = 0.4
 #: What is changed live before the first of them dies, too little to matter: K, and a fault [Pa].
@@ -63,9 +69,8 @@ class Ordeal:
 
     def missed_commands(self, first: int, last: int) -> int:
         """Ticks of a stretch without a command, but for those in which the machine stood still."""
-        plant = dict(health_reports(read_raw(self.run.bag)))[PLANT]
-        epoch_s = float(plant["epoch_monotonic_s"])
-        missed = [MissedTick(tick, epoch_s + 0.1 * tick) for tick in self.missing(SPEED, first, last)]
+        began_s = epoch_s(self.run.bag)
+        missed = [MissedTick(tick, began_s + 0.1 * tick) for tick in self.missing(SPEED, first, last)]
         return len(missed_by_us(missed, 0.1, self.stalls))
 
 
@@ -80,25 +85,32 @@ def ordeal(tmp_path_factory: pytest.TempPathFactory) -> Ordeal:
     quick.write_text("".join(f"/ac/{n}: {{ros__parameters: {{command_hold_s: {s}}}}}\n" for n, s in holds.items()))
     own, probes = OwnNodes(params_file=quick), start_host_noise(300.0)
     run = run_graph(check(FAULTY), folder, mode="realtime", care=True, progress=mischief, own=own, say=mischief.say)
-    died = dict(zip(KILLED.values(), mischief.done[1:], strict=True))
+    ticks = [int((at_s - epoch_s(run.bag)) / 0.1) for at_s in mischief.done_s[1:]]
+    died = dict(zip(KILLED.values(), ticks, strict=True))
     return Ordeal(run, read_bag(run.bag), died, mischief.said, host_noise(probes).stalls)
 
 
+def epoch_s(bag: Path) -> float:
+    """When the first tick was, on the monotonic clock."""
+    return float(dict(health_reports(read_raw(bag)))[PLANT]["epoch_monotonic_s"])
+
+
 def ending(node: str, folder: Path) -> Callable[[], None]:
-    """Kill a node; one that the actuators hang on is not started again before they have left the last command.
+    """Kill a node; it is not started again before the loop has seen that it is gone.
 
     This runs in bringup, which starts nobody meanwhile: how soon a node would be back is the machine's business.
     """
-    if node not in MOVES:
+    if node not in SAYS:
         return killing(node)
-    log = folder / "log" / f"{MOVES[node]}.log"
+    who, words = SAYS[node]
+    log = folder / "log" / f"{who}.log"
 
     def kill_and_wait() -> None:
-        said = log.read_text().count(SAFE)
+        said = log.read_text().count(words)
         killing(node)()
         deadline_s = time.monotonic() + PATIENCE_S
-        while log.read_text().count(SAFE) == said:
-            assert time.monotonic() < deadline_s, f"{MOVES[node]} has not said: {SAFE}"
+        while log.read_text().count(words) == said:
+            assert time.monotonic() < deadline_s, f"{who} has not said: {words}"
             time.sleep(0.01)  # a file that grows gives no event
 
     return kill_and_wait
@@ -124,7 +136,7 @@ def test_every_node_is_started_again_and_comes_back(ordeal: Ordeal) -> None:
     for restart in ordeal.run.restarts:
         assert 0.1 < restart.back_s - restart.died_s < PATIENCE_S  # no process starts more quickly than that
         assert "SIGKILL" in restart.reason
-    assert len(ordeal.recording.time_s) == 380
+    assert len(ordeal.recording.time_s) == 500
 
 
 def test_user_is_told_at_once_who_died_and_is_back(ordeal: Ordeal) -> None:
@@ -139,19 +151,21 @@ def test_without_fdi_or_compensator_k0_goes_on_and_no_command_is_missed(node: st
     died = ordeal.died[node]
     without = longest(ordeal.missing(Q, died, died + 28))  # before the next one dies
     assert ordeal.missed_commands(died, died + 28) == 0
-    # Bumpless: while q is gone the command never moves by more than q was, which fades.
+    # Bumpless: while q is gone the command never moves by more than q was, which fades, and by what the controller did
+    # in a tick before, noise and all. Gaps are counted above.
     last_q = abs(ordeal.recording.series[Q][without[0] - 1])
-    moved = np.abs(np.diff(ordeal.recording.series[SPEED][without[0] - 1 : without[-1]]))
-    assert np.nanmax(moved) <= last_q + 0.1  # what K0 itself does in a tick, noise and all; gaps are counted above
+    moved = np.abs(np.diff(ordeal.recording.series[SPEED]))
+    usual = np.nanmax(moved[died - 25 : died - 2])
+    assert usual < 1.0
+    assert np.nanmax(moved[without[0] - 1 : without[-1]]) <= last_q + usual
     # Nothing of what was known is lost: the fault is still the isolated one.
     assert {row.isolated for row in ordeal.recording.status if row.time_s > 4.5} == {"compressor_speed"}
 
 
 def test_recorder_goes_on_in_a_file_of_its_own(ordeal: Ordeal) -> None:
     assert [file.name for file in sorted(ordeal.run.bag.glob("*.mcap"))] == ["bag_0.mcap", "bag_1.mcap"]
-    lost = ordeal.missing(SPEED, ordeal.died[RECORDER] - 6, ordeal.died[CONTROLLER] - 2)
+    lost = longest(ordeal.missing(SPEED, ordeal.died[RECORDER] - 6, ordeal.died[CONTROLLER] - 2))
     assert len(lost) < 10 * PATIENCE_S
-    assert lost == list(range(lost[0], lost[0] + len(lost)))
     assert abs(lost[0] - ordeal.died[RECORDER]) <= 5  # it loses what it had not flushed yet
     assert not ordeal.recording.metadata["complete"]
     with AnyReader([ordeal.run.bag]) as reader:  # a foreign reader needs index and metadata of both files
@@ -213,7 +227,7 @@ def test_references_and_faults_go_on_where_they_would_be(ordeal: Ordeal) -> None
     np.testing.assert_allclose(late[np.isfinite(late)], 20.0 + LIVE_SUPERHEAT_K, atol=1e-9)
     assert np.isfinite(late).any()
     f_n = ordeal.recording.series["fault/compressor_speed:compressor"]
-    np.testing.assert_allclose(f_n[np.isfinite(f_n)][-50:], f_n[40])
+    np.testing.assert_allclose(f_n[np.isfinite(f_n)][-50:], 40 * RPM)
 
 
 def test_plant_stays_where_it_should_be(ordeal: Ordeal) -> None:

@@ -63,7 +63,8 @@ def test_stopped_for_5_s_one_after_the_other_no_node_acts_on_what_is_stale(tmp_p
     # At rest all the time: the safe command is where it was.
     moved = np.abs(np.diff(series["actuator/command:compressor"][np.isfinite(series["actuator/command:compressor"])]))
     assert np.max(moved) < 10 * SAFE_RATE[0]
-    np.testing.assert_allclose(series["plant/superheat"][-5:], 20.0, atol=0.5)
+    superheat = series["plant/superheat"]
+    np.testing.assert_allclose(superheat[np.isfinite(superheat)][-5:], 20.0, atol=0.5)
 
 
 def _stamp_s(data: bytes) -> float:
@@ -72,8 +73,11 @@ def _stamp_s(data: bytes) -> float:
 
 def test_in_lockstep_everybody_waits_and_the_recording_is_the_same(tmp_path: Path) -> None:
     scenario = load("nominal", ["duration_s=30"])
-    plan = [(1, lambda: stop_for_a_while(FDI, seconds=2.0)), (2, lambda: stop_for_a_while(PLANT, seconds=1.0))]
-    disturbed = run_graph(scenario, tmp_path / "a", progress=Mischief(plan))
+    plan = [(0, lambda: stop_for_a_while(FDI, seconds=2.0)), (0, lambda: stop_for_a_while(PLANT, seconds=1.0))]
+    mischief = Mischief(plan)
+    disturbed = run_graph(scenario, tmp_path / "a", progress=mischief)
+    assert mischief.done
+    assert mischief.done[-1] < 300
     calm = run_graph(scenario, tmp_path / "b")
     one, other = read_raw(disturbed.bag), read_raw(calm.bag)
     assert {t: m for t, m in one.messages.items() if t != "/diagnostics"} == {
