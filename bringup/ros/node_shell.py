@@ -399,7 +399,7 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         gc.disable()
         self._scheduled = set_priority(self.value("priority"))
         self._fifo = self.value("priority") if self._scheduled.startswith("SCHED_FIFO") else 0
-        if self._memory_file:  # now: with memory locked, the stack of a new thread takes its time, and a tick with it
+        if self._memory_file:  # now: who starts a thread waits until it runs, which is nothing for a tick
             self._writer = threading.Thread(target=self._write_memories, daemon=True)
             self._writer.start()
         if self.value("realtime_care"):

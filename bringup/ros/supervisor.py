@@ -3,9 +3,10 @@
 import json
 import math
 import os
+import signal
 import time
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import asdict
 from typing import Any, Self
 
@@ -28,6 +29,10 @@ from bringup.topics import BRINGUP, NAMESPACE, OCCASIONAL, PAGE, PLANT, RECORDER
 #: How often the processes are looked at while nothing comes in, s.
 LOOK_S = 0.05
 STUCK_S = 30.0
+#: An active node reports each second. One that has not for so long hangs, s.
+HUNG_S = 10.0
+#: After a longer pause of this process itself nobody else is to blame for what was not heard, s.
+PAUSE_S = 1.0
 #: How often the graph is searched for strangers, and bringup itself reports when there is something to report, s.
 REPORT_PERIOD_S = 0.5
 #: How long after the last tick the recorder may take to have everything, s.
@@ -74,6 +79,9 @@ class Supervisor:
         self._looked_s = 0.0
         self.strangers: list[str] = []  # what is in the graph and does not belong there
         self.health: dict[str, dict[str, str]] = {}
+        self._heard_s: dict[str, float] = {}  # when each node reported last
+        self._spun_s = time.monotonic()
+        self._hung: set[str] = set()  # nodes that were ended because they hang
         self._replies: dict[tuple[str, int], Any] = {}
         # The middleware reads its settings from this process's environment.
         domain = environment.get("ROS_DOMAIN_ID")
@@ -193,6 +201,7 @@ class Supervisor:
             if name in self._dead_pid and said.get("pid") == self._dead_pid[name]:
                 continue
             self.health[name] = said
+            self._heard_s[name] = time.monotonic()
             self._is_back(name)
 
     def _of(self, name: str, key: str) -> str:
@@ -306,6 +315,7 @@ class Supervisor:
         for name, child in self._children.items():
             if child is not None and name not in self._due_s and child.process.poll() is not None:
                 self._died(child, now_s)
+        self._end_what_hangs(now_s)
         for name, due_s in list(self._due_s.items()):
             if now_s >= due_s:
                 self._start_again(name)
@@ -320,6 +330,21 @@ class Supervisor:
 
     # -- restarts -----------------------------------------------------------------------------------------------
 
+    def _end_what_hangs(self, now_s: float) -> None:
+        """End active nodes that have stopped reporting: they are started again, as dead ones are."""
+        if now_s - self._spun_s > PAUSE_S:
+            self._heard_s = dict.fromkeys(self._heard_s, now_s)
+        self._spun_s = now_s
+        if not self._is_running or self._revive is None:
+            return
+        for name, heard_s in list(self._heard_s.items()):
+            child = self._children[name]
+            if now_s - heard_s > HUNG_S and self._of(name, "state") == "active" and child is not None and name != PLANT:
+                del self._heard_s[name]
+                self._hung.add(name)
+                with suppress(ProcessLookupError):
+                    os.killpg(child.process.pid, signal.SIGKILL)  # whoever hangs does not listen
+
     def _died(self, child: Child, now_s: float) -> None:
         """Have a dead node started again, where that helps; else the run is over."""
         wait_s = None
@@ -331,8 +356,13 @@ class Supervisor:
             raise RunError(self._failed(child.name, "died"))
         self._due_s[child.name] = now_s + wait_s
         self._death_s[child.name] = now_s
+        self._heard_s.pop(child.name, None)
         self._dead_pid[child.name] = self.health.pop(child.name, {}).get("pid", str(child.process.pid))
-        restart = Restart(child.name, self._run_s(), f"{child.end}: {child.last_words()}")
+        reason = f"{child.end}: {child.last_words()}"
+        if child.name in self._hung:
+            self._hung.remove(child.name)
+            reason = f"ended, as it had not reported for {HUNG_S:g} s"
+        restart = Restart(child.name, self._run_s(), reason)
         self.restarts.append(restart)
         self._say(f"node {restart.node} died ({restart.reason}) and is started again")
 

@@ -11,6 +11,7 @@ import pytest
 from mischief import Mischief, pid_of
 
 from bringup.bags.reader import read_bag, read_raw
+from bringup.ros import supervisor
 from bringup.ros.graph import run_graph
 from bringup.safe_command import SAFE_RATE
 from bringup.scenario import load
@@ -69,6 +70,21 @@ def test_stopped_for_5_s_one_after_the_other_no_node_acts_on_what_is_stale(tmp_p
 
 def _stamp_s(data: bytes) -> float:
     return int.from_bytes(data[4:8], "little", signed=True) + int.from_bytes(data[8:12], "little") / 1e9
+
+
+def test_a_node_that_hangs_for_good_is_ended_and_started_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(supervisor, "HUNG_S", 5.0)  # to save time
+    mischief = Mischief([(10, lambda: os.kill(pid_of(COMPENSATOR), signal.SIGSTOP))])
+    scenario = load("nominal", ["duration_s=16"])
+    run = run_graph(scenario, tmp_path, mode="realtime", care=True, progress=mischief, say=mischief.say)
+    (restart,) = run.restarts
+    assert restart.node == COMPENSATOR
+    assert restart.is_back
+    assert mischief.said[0] == "node compensator died (ended, as it had not reported for 5 s) and is started again"
+    series = read_bag(run.bag).series
+    q = np.isfinite(series["compensator/q:compressor"])
+    assert not q[mischief.done[0] + 5 : round(10 * restart.died_s) - 1].any()
+    assert q[-5:].any()
 
 
 def test_in_lockstep_everybody_waits_and_the_recording_is_the_same(tmp_path: Path) -> None:
