@@ -35,10 +35,11 @@ _RECORD = struct.Struct("<BQ")
 LARGEST_RECORD = 2**30
 #: Encapsulation and stamp: what every loop message begins with.
 SHORTEST_MESSAGE = 12
-#: The topic with which the plant begins a tick.
-BEAT = "plant/evaporator_pressure"
-#: Messages of ticks after the run's last one are no damage within this time.
-AFTER_NS = 10 * NANOSECONDS
+#: The topic with which the plant begins a tick, and the one with which the scenario player answers.
+BEAT, ANSWER = "plant/evaporator_pressure", "reference/evaporator_pressure"
+#: Messages of ticks before the run's first one, from a plant that beats all the time, and after its last one are no
+#: damage within these times.
+BEFORE_NS, AFTER_NS = 60 * NANOSECONDS, 10 * NANOSECONDS
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 
 
@@ -146,14 +147,17 @@ def read_bag(bag: Path | str) -> Recording:
     tick_ns = round(run["sample_time_s"] * NANOSECONDS)
     messages = {name: loop_messages(raw, topic) for name, topic in BY_NAME.items()}
     sent = sum(len(raw.messages.get(f"{NAMESPACE}/{name}", [])) for name in BY_NAME)
-    first = _first_stamp(messages)
+    first = first_stamp_ns(raw)
     rows: dict[str, NDArray[np.int64]] = {}
-    after = 0  # on the wall clock nodes go on until they are stopped, a little after the plant
+    outside = (
+        0  # on the wall clock nodes go on until they are stopped, a little after the plant; a bench has begun before
+    )
     for name, found in messages.items():
         row = np.rint((stamps_ns(found) - first) / tick_ns).astype(np.int64)
         within = (row >= 0) & (row < scenario.ticks)
         rows[name] = row[within]
-        after += int(np.count_nonzero((row >= scenario.ticks) & (row * tick_ns < scenario.ticks * tick_ns + AFTER_NS)))
+        near = (row * tick_ns >= -BEFORE_NS) & (row * tick_ns < scenario.ticks * tick_ns + AFTER_NS)
+        outside += int(np.count_nonzero(near & ~within))
         if not within.all():
             messages[name] = [data for data, keep in zip(found, within, strict=True) if keep]
     columns_of, status, kept = _decoded(messages, rows, first)
@@ -165,7 +169,11 @@ def read_bag(bag: Path | str) -> Recording:
         for key, column in zip(topic.series, columns_of.get(name, ()), strict=True):
             recording.series[key] = np.full(ticks, math.nan)
             recording.series[key][rows[name]] = column
-    recording.metadata = {**run, "complete": raw.complete and ticks == run["ticks"], "unreadable": sent - kept - after}
+    recording.metadata = {
+        **run,
+        "complete": raw.complete and ticks == run["ticks"],
+        "unreadable": sent - kept - outside,
+    }
     recording.metadata.update(_timing(_last_health(raw, PLANT)))
     recording.metadata["overruns"] = {node.name: node.overruns for node in health_of(health_reports(raw))}
     recording.metadata["restarts"] = [
@@ -175,12 +183,19 @@ def read_bag(bag: Path | str) -> Recording:
     return recording
 
 
-def _first_stamp(messages: dict[str, list[bytes]]) -> int:
-    """Stamp of tick 0: the plant beats time, so its first message is the first of all."""
-    beats = messages[BEAT]
-    if beats:
-        return stamp_ns(beats[0])
-    return min((int(stamps_ns(found).min()) for found in messages.values() if found), default=0)
+def first_stamp_ns(raw: RawBag) -> int:
+    """Stamp of tick 0, from which the scenario counts.
+
+    Our plant begins to beat when all nodes are there, so its first message is the first of all. Somebody else's may
+    have beaten before; then it is the first message that the scenario player answered.
+    """
+    is_ours = "first_ns" in _last_health(raw, PLANT)
+    for name in (BEAT,) if is_ours else (ANSWER, BEAT):
+        if found := loop_messages(raw, BY_NAME[name]):
+            return stamp_ns(found[0])
+    return min(
+        (int(stamps_ns(found).min()) for name in BY_NAME if (found := loop_messages(raw, BY_NAME[name]))), default=0
+    )
 
 
 def _decoded(

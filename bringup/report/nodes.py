@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bringup.bags.reader import RawBag
+from bringup.bags.reader import RawBag, first_stamp_ns
 from bringup.report.charts import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, Chart, Curve, spaced
-from bringup.ros.cdr import NANOSECONDS, read_diagnostics, stamp_ns
+from bringup.ros.cdr import NANOSECONDS, read_diagnostics
 from bringup.ros.restarts import read_restarts
 from bringup.topics import BRINGUP, COMPENSATOR, CONTROLLER, FDI, INJECTOR, NAMESPACE, PLANT, RECORDER, SCENARIO
 
@@ -76,8 +76,7 @@ def reports_of(raw: RawBag) -> list[Report]:
 
 def first_tick_s(raw: RawBag) -> float:
     """Stamp of the run's first tick, s: what nodes that tell a tick's own time count from."""
-    beats = raw.messages.get(_BEAT, [])
-    return stamp_ns(beats[0][1]) / NANOSECONDS if beats else 0.0
+    return first_stamp_ns(raw) / NANOSECONDS
 
 
 def events_of(reports: Sequence[Report], first_tick_s: float = 0.0) -> list[Event]:
