@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bringup.campaign.plan import MessageFaultKind, Plan, ProcessFault
 from bringup.ros.restarts import Restart
-from bringup.topics import CONTROLLER, FDI, INJECTOR, PLANT, RECORDER
+from bringup.topics import COMPENSATOR, CONTROLLER, FDI, INJECTOR, PLANT, RECORDER
 
 #: A node that was killed is back in service within this, s.
 BACK_WITHIN_S = 3.0
@@ -19,6 +19,9 @@ UNFLUSHED_S = 0.5
 AFTERMATH_S = 4.0
 #: How far before its planned time a fault may show in the recording (what was in the recorder's hands), s.
 BEFORE_S = 1.0
+#: How long after the last fault the loop may take to be in step again, s; over how many ticks that is then looked at at
+#: least, and in what share of them an input may be missing: a machine that is busy delays some, a lag that stays all.
+SETTLING_S, FEWEST_TICKS, MOST_STAND_INS = 1.5, 8, 0.5
 #: Rounding of a stride that was read back from a message.
 ROUNDING = 1e-9
 #: Where the plant's pressure and superheat stay, whatever is done to the software: kPa, K.
@@ -61,6 +64,8 @@ class Evidence:
     limits : of the command.
     left : nodes whose processes were still there after the run.
     told : ticks that the plant itself reports as missed; one that the machine did not wake in time has no messages.
+    stand_ins : for each health report of compensator and controller when, s since the first tick, whose, how many ticks
+        it had worked, and in how many of them the input that was missing most had to be made up for.
     stalls : (due, woken) of wake-ups that came late to a process above the loop's priority, s since the first tick.
     """
 
@@ -76,6 +81,7 @@ class Evidence:
     limits: Limits
     left: Sequence[str] = ()
     told: Collection[int] = ()
+    stand_ins: Sequence[tuple[float, str, int, int]] = ()
     stalls: Sequence[tuple[float, float]] = ()
 
 
@@ -213,6 +219,23 @@ def bag_is_complete(evidence: Evidence) -> Verdict:
     return Verdict("the bag is complete", kept, f"{evidence.ticks} of {wanted} ticks, {len(missing)} without a reason")
 
 
+def in_step_again(evidence: Evidence) -> Verdict:
+    """Once all is over, compensator and controller have what they need in time: no lag stays behind."""
+    promise = "in step again at the end"
+    ends = [disturbed(fault, evidence.restarts)[1] - AFTERMATH_S for fault in evidence.plan.processes]
+    calm_s = max([*ends, *(fault.end_s for fault in evidence.plan.messages)], default=0.0) + SETTLING_S
+    end_s = evidence.ticks * evidence.plan.scenario.sample_time_s
+    shares = {}
+    for node in (COMPENSATOR, CONTROLLER):
+        seen = [row[2:] for row in evidence.stand_ins if row[1] == node and calm_s <= row[0] <= end_s]
+        if len(seen) > 1 and seen[-1][0] - seen[0][0] >= FEWEST_TICKS:
+            shares[node] = (seen[-1][1] - seen[0][1]) / (seen[-1][0] - seen[0][0])
+    if not shares:
+        return Verdict(promise, None)
+    said = ", ".join(f"{node} without an input in {share:.0%} of the ticks" for node, share in shares.items())
+    return Verdict(promise, max(shares.values()) <= MOST_STAND_INS, said)
+
+
 def nothing_is_left_running(evidence: Evidence) -> Verdict:
     """No process of the run is there after it."""
     return Verdict("nothing is left running", not evidence.left, ", ".join(evidence.left)[:200])
@@ -230,6 +253,7 @@ CHECKS: tuple[Callable[[Evidence], Verdict], ...] = (
     bad_messages_are_refused,
     plant_stays_where_it_is_safe,
     bag_is_complete,
+    in_step_again,
     nothing_is_left_running,
 )
 

@@ -14,22 +14,23 @@ from typing import Any
 
 import numpy as np
 
-from bringup.bags.reader import health_reports, loop_messages, read_bag, read_raw
+from bringup.bags.reader import RawBag, health_reports, loop_messages, read_bag, read_raw
 from bringup.bench.figures import host_noise, start_host_noise
 from bringup.campaign.checks import Evidence, Limits, Verdict, judge
 from bringup.campaign.plan import Plan, ProcessFault, plan
 from bringup.designs import design_of
 from bringup.errors import BringupError
 from bringup.files import write_whole
+from bringup.report.nodes import reports_of
 from bringup.ros.cdr import NANOSECONDS, columns, stamps_ns
 from bringup.ros.graph import GraphRun, run_graph
-from bringup.ros.health import missed_ticks
+from bringup.ros.health import missed_ticks, reported
 from bringup.ros.own_nodes import OwnNodes
-from bringup.topics import BY_NAME, CONTROLLER, INJECTOR, PLANT
+from bringup.topics import BY_NAME, COMPENSATOR, CONTROLLER, INJECTOR, PLANT
 from bringup.units import KPA
 
 COMMAND = BY_NAME["controller/command"]
-REJECTED = "rejected/"
+REJECTED, MISSING = "rejected/", "missing/"
 
 
 @dataclass(frozen=True)
@@ -169,8 +170,20 @@ def gather(
         limits=limits,
         left=_left(folder),
         told={each.tick for each in missed},
+        stand_ins=_stand_ins(raw),
         stalls=[(due_s - first_s, woke_s - first_s) for due_s, woke_s in stalls],
     )
+
+
+def _stand_ins(raw: RawBag) -> list[tuple[float, str, int, int]]:
+    """See `Evidence.stand_ins`."""
+    found = []
+    for report in reports_of(raw):
+        if report.node in (COMPENSATOR, CONTROLLER):
+            missing = [int(reported(report.values, key, 0.0)) for key in report.values if key.startswith(MISSING)]
+            ticks = int(reported(report.values, "ticks", 0.0))
+            found.append((report.time_s, report.node, ticks, max(missing, default=0)))
+    return found
 
 
 def _left(folder: Path) -> list[str]:

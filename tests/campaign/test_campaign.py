@@ -28,7 +28,7 @@ from bringup.cli import main
 from bringup.errors import BringupError
 from bringup.ros.messages import BadMessage, message_class, message_reader
 from bringup.ros.restarts import Restart
-from bringup.topics import BY_NAME, CONTROLLER, FDI, RECORDER
+from bringup.topics import BY_NAME, COMPENSATOR, CONTROLLER, FDI, RECORDER
 
 PRESSURE, COMMAND = "measured/evaporator_pressure", "actuator/command"
 
@@ -226,6 +226,20 @@ def test_one_seed_through_the_graph_keeps_its_promises(tmp_path_factory: pytest.
     assert [f"{verdict.promise}: {verdict.seen}" for verdict in promises if verdict.kept is False] == []
     assert sum(verdict.kept is True for verdict in promises) >= 8
     assert as_dict(outcome)["happens"] == plan(1, 18.0).lines()
+
+
+def test_a_lag_that_stays_behind_is_seen() -> None:
+    def ended(*rows: tuple[float, str, int, int]) -> bool | None:
+        run = replace(good(()), stand_ins=rows)
+        (verdict,) = (v for v in judge(run) if v.promise == "in step again at the end")
+        return verdict.kept
+
+    assert ended() is None
+    # Messages suffer until 3 s: what was missing by then does not count.
+    calm = [(2.0, COMPENSATOR, 20, 0), (5.0, COMPENSATOR, 50, 25), (19.0, COMPENSATOR, 190, 26)]
+    assert ended(*calm) is True
+    assert ended(*calm, (19.5, COMPENSATOR, 195, 171), (20.5, COMPENSATOR, 205, 205)) is False
+    assert ended((18.9, CONTROLLER, 189, 0), (19.2, CONTROLLER, 192, 3)) is None  # too short to tell
 
 
 def test_a_command_that_is_missing_while_the_machine_stood_still_is_told_and_not_held_against_the_graph() -> None:
