@@ -139,6 +139,7 @@ def good(processes: tuple[ProcessFault, ...] = (KILLED,)) -> Evidence:
         restarts=[Restart(fault.node, fault.at_s, "SIGKILL", fault.at_s + 1.5) for fault in processes],
         rejected={FDI: {"not finite": 3}},
         limits=LIMITS,
+        stand_ins=[(k + 0.5, COMPENSATOR, 10 * k, min(10 * k, 30)) for k in range(20)],
     )
 
 
@@ -178,6 +179,7 @@ def test_every_promise_can_be_broken() -> None:
         "bad messages are refused": replace(run, rejected={FDI: {"stale": 9, "out of range": 2}}),
         "the plant stays safe": replace(run, superheat_k=changed(run.superheat_k, 9, -0.1)),
         "the bag is complete": replace(run, pressure_kpa=changed(run.pressure_kpa, 9, math.nan)),
+        "in step again at the end": replace(run, stand_ins=[(1.0 * k, CONTROLLER, 10 * k, 9 * k) for k in range(20)]),
         "nothing is left running": replace(run, left=["fdi"]),
     }
     assert len(cases) == len(CHECKS)
