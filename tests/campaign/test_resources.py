@@ -120,6 +120,8 @@ def test_shared_memory_of_a_killed_process_is_swept_and_that_of_a_living_one_is_
         holder.stdout.readline()
     try:
         assert sweep(tmp_path, young_s=-1.0) == 0
+        for file in tmp_path.iterdir():
+            os.utime(file)  # however long the holders took to start
         holders[0].send_signal(signal.SIGKILL)
         holders[0].wait()
         assert sweep(tmp_path) == 0  # too young to be sure

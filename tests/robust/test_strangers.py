@@ -72,8 +72,8 @@ def test_second_publisher_is_reported_and_its_commands_are_left_alone(tmp_path: 
         begun.append(subprocess.Popen([sys.executable, "-c", INTRUDER], env=_environment()))
 
     try:
-        scenario, mischief = load("nominal", ["duration_s=11"]), Mischief([(10, intrude)])
-        run = run_graph(scenario, tmp_path, mode="realtime", progress=mischief, say=mischief.say)
+        scenario, mischief = load("nominal", ["duration_s=13"]), Mischief([(10, intrude)])
+        run = run_graph(scenario, tmp_path, mode="realtime", care=True, progress=mischief, say=mischief.say)
     finally:
         for process in begun:
             process.wait(20)
