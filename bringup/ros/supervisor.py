@@ -29,6 +29,8 @@ from bringup.topics import BRINGUP, NAMESPACE, OCCASIONAL, PAGE, PLANT, RECORDER
 #: How often the processes are looked at while nothing comes in, s.
 LOOK_S = 0.05
 STUCK_S = 30.0
+#: Parameters that were not answered are set again after this, s.
+ASK_AGAIN_S = 5.0
 #: An active node reports each second. One that has not for so long hangs, s.
 HUNG_S = 10.0
 #: After a longer pause of this process itself nobody else is to blame for what was not heard, s.
@@ -171,10 +173,20 @@ class Supervisor:
         try:
             self._until(client.service_is_ready, lambda: f"{name} takes no parameters")
             parameters = [Parameter(key, value=value).to_parameter_msg() for key, value in values.items()]
-            reply = client.call_async(SetParametersAtomically.Request(parameters=parameters))
-            self._until(reply.done, lambda: f"{name} does not answer")
-            if not reply.result().result.successful:
-                msg = f"node {name}: {reply.result().result.reason}"
+            request = SetParametersAtomically.Request(parameters=parameters)
+            replies: list[Any] = []
+
+            def answered() -> bool:
+                # A node that has not found this client yet answers into the void.
+                if time.monotonic() - asked_s >= ASK_AGAIN_S * len(replies):
+                    replies.append(client.call_async(request))
+                return any(reply.done() for reply in replies)
+
+            asked_s = time.monotonic()
+            self._until(answered, lambda: f"{name} does not answer")
+            result = next(reply for reply in replies if reply.done()).result().result
+            if not result.successful:
+                msg = f"node {name}: {result.reason}"
                 raise RunError(msg)
         finally:
             self.node.destroy_client(client)
