@@ -33,7 +33,7 @@ def print_json(content: Any) -> None:
 
 def say(line: str) -> None:
     """Tell the user where things are, on stderr so that stdout stays what a script reads."""
-    click.echo(line, err=True)
+    print(line, file=sys.stderr, flush=True)  # not by click, which would write past a progress bar into its line
 
 
 class Progress(Protocol):

@@ -253,10 +253,10 @@ def test_completion_prints_what_the_shell_reads(shell: str):
         subprocess.run([shell, "-n"], input=result.stdout, text=True, check=True)
 
 
-def on_a_terminal(**environment: str) -> str:
-    """What `acftc scenarios` writes when its output is a terminal."""
+def on_a_terminal(*arguments: str, **environment: str) -> str:
+    """What Python writes with these arguments (else `acftc scenarios`) when its output is a terminal."""
     ours, theirs = pty.openpty()
-    command = [sys.executable, "-m", "bringup.cli", "scenarios"]
+    command = [sys.executable, *(arguments or ("-m", "bringup.cli", "scenarios"))]
     with subprocess.Popen(command, stdout=theirs, stderr=theirs, env={**os.environ, **environment}) as child:
         os.close(theirs)
         written = b""
@@ -276,6 +276,15 @@ def test_styles_are_for_terminals_that_want_them():
     assert styled.search(on_a_terminal(TERM="xterm-256color"))
     assert not colour.search(on_a_terminal(TERM="xterm-256color", NO_COLOR="1"))
     assert not styled.search(on_a_terminal(TERM="dumb"))
+
+
+def test_a_remark_does_not_end_up_in_the_line_of_a_progress_bar():
+    code = "from bringup.console import progress_bar, say\n"
+    code += "with progress_bar('a run') as progress:\n    progress(1, 2)\n    say('node fdi died')\n    progress(2, 2)"
+    plain = re.sub(r"\x1b\[[\d;]*m", "", on_a_terminal("-c", code, TERM="xterm-256color"))  # no colours
+    written = re.sub(r"\x1b\[[\d;?]*[A-Za-z]|\r", "\n", plain)  # whatever else moves the cursor ends a line
+    assert "a run" in written
+    assert "node fdi died" in written.splitlines()
 
 
 def test_a_missing_or_wrong_node_names_the_nearest():
