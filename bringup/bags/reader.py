@@ -149,9 +149,8 @@ def read_bag(bag: Path | str) -> Recording:
     sent = sum(len(raw.messages.get(f"{NAMESPACE}/{name}", [])) for name in BY_NAME)
     first = first_stamp_ns(raw)
     rows: dict[str, NDArray[np.int64]] = {}
-    outside = (
-        0  # on the wall clock nodes go on until they are stopped, a little after the plant; a bench has begun before
-    )
+    # A bench has begun before the run; on the wall clock nodes go on until they are stopped, a little after the plant.
+    outside = 0
     for name, found in messages.items():
         row = np.rint((stamps_ns(found) - first) / tick_ns).astype(np.int64)
         within = (row >= 0) & (row < scenario.ticks)

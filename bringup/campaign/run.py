@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from bringup.bags.reader import RawBag, health_reports, loop_messages, read_bag, read_raw
+from bringup.bags.reader import RawBag, first_stamp_ns, health_reports, loop_messages, read_bag, read_raw
 from bringup.bench.figures import host_noise, start_host_noise
 from bringup.campaign.checks import Evidence, Limits, Verdict, judge
 from bringup.campaign.plan import Plan, ProcessFault, plan
@@ -143,10 +143,9 @@ def gather(
     limits = Limits(design.command_min, design.command_max, design.command_rate * scenario.sample_time_s)
     recording, raw = read_bag(folder / "bag"), read_raw(folder / "bag")
     messages = loop_messages(raw, COMMAND)
-    beats = loop_messages(raw, BY_NAME["plant/evaporator_pressure"])
     stamps = stamps_ns(messages)
     order = np.argsort(stamps, kind="stable")
-    first = int(stamps_ns(beats[:1])[0]) if beats else 0
+    first = first_stamp_ns(raw)
     first_s = first / NANOSECONDS + time.monotonic() - time.time()  # stamps are the wall clock's
     rejected: dict[str, dict[str, int]] = {}
     reports = list(health_reports(raw))
