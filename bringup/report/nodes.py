@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bringup.bags.reader import RawBag, first_stamp_ns
+from bringup.bags.reader import SHORTEST_MESSAGE, RawBag, first_stamp_ns
 from bringup.report.charts import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, Chart, Curve, spaced
-from bringup.ros.cdr import NANOSECONDS, read_diagnostics
+from bringup.ros.cdr import NANOSECONDS, read_diagnostics, stamp_ns
 from bringup.ros.restarts import read_restarts
 from bringup.topics import BRINGUP, COMPENSATOR, CONTROLLER, FDI, INJECTOR, NAMESPACE, PLANT, RECORDER, SCENARIO
 
@@ -59,8 +59,9 @@ class Event:
 
 def reports_of(raw: RawBag) -> list[Report]:
     """All health reports of a bag in order of time; what is no report is passed over."""
-    beats = raw.messages.get(_BEAT, [])
-    start_ns = beats[0][0] if beats else min((log_ns for log_ns, _ in raw.messages.get("/diagnostics", [])), default=0)
+    beats, first_ns = raw.messages.get(_BEAT, []), first_stamp_ns(raw)
+    begun = (log_ns for log_ns, data in beats if len(data) >= SHORTEST_MESSAGE and stamp_ns(data) >= first_ns)
+    start_ns = next(begun, min((log_ns for log_ns, _ in raw.messages.get("/diagnostics", [])), default=0))
     found = []
     for log_ns, data in raw.messages.get("/diagnostics", []):
         try:
