@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from ac_plant_node.equilibrium import OperatingPoint, operating_point, table_inputs
     from ac_plant_node.fingerprint import parameters_fingerprint
     from ac_plant_node.linear import INPUTS, OUTPUTS, linearize
-    from ac_plant_node.parameter_file import load_parameters, load_points
-    from ac_plant_node.parameters import POINTS, TABLE_I, Parameters
+    from ac_plant_node.parameters.file import load_parameters, load_points
+    from ac_plant_node.parameters.values import POINTS, TABLE_I, Parameters
     from ac_plant_node.plant import Outputs, Plant
 
 __all__ = [
@@ -39,8 +39,8 @@ _MODULES = {
     "equilibrium": ("OperatingPoint", "operating_point", "table_inputs"),
     "fingerprint": ("parameters_fingerprint",),
     "linear": ("INPUTS", "OUTPUTS", "linearize"),
-    "parameter_file": ("load_parameters", "load_points"),
-    "parameters": ("POINTS", "TABLE_I", "Parameters"),
+    "parameters.file": ("load_parameters", "load_points"),
+    "parameters.values": ("POINTS", "TABLE_I", "Parameters"),
     "plant": ("Outputs", "Plant"),
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}

@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ac_plant_node import model
-from ac_plant_node.lookup import saturation, vapour
-from ac_plant_node.parameter_file import load_parameters
-from ac_plant_node.parameters import SOLVED, Parameters, TableRow, parameter_range
-from ac_plant_node.tables import VAPOUR_SPAN_J_KG, Tables, load_tables
-from bringup.units import RPM
+from ac_common.units import RPM
+from ac_plant_node.dynamics import balances as model
+from ac_plant_node.parameters.file import load_parameters
+from ac_plant_node.parameters.values import SOLVED, Parameters, TableRow, parameter_range
+from ac_plant_node.properties.lookup import saturation, vapour
+from ac_plant_node.properties.tables import VAPOUR_SPAN_J_KG, Tables, load_tables
 
 
 @dataclass(frozen=True)

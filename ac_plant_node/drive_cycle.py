@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bringup.errors import shortened
-from bringup.units import RPM
+from ac_common.errors import shortened
+from ac_common.units import RPM
 
 EPA_PAGE = "https://www.epa.gov/vehicle-and-fuel-emissions-testing/dynamometer-drive-schedules"
 """Where the EPA publishes its schedules."""

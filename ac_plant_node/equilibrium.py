@@ -6,12 +6,13 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ac_plant_node import integrator, model
+from ac_common.units import RPM
 from ac_plant_node.calibration import row_inputs, starting_state, superheated_enthalpy
-from ac_plant_node.parameter_file import load_parameters
-from ac_plant_node.parameters import Parameters
-from ac_plant_node.tables import Tables, load_tables
-from bringup.units import RPM
+from ac_plant_node.dynamics import balances as model
+from ac_plant_node.dynamics import integrator
+from ac_plant_node.parameters.file import load_parameters
+from ac_plant_node.parameters.values import Parameters
+from ac_plant_node.properties.tables import Tables, load_tables
 
 X_SCALE = np.array([0.1, 1.0e4, 1.0e4, 5.0, 5.0, 0.1, 0.1, 1.0e5, 1.0e4, 5.0, 5.0, 5.0])
 """Sizes of the public state's components, for differences and solvers."""
@@ -33,7 +34,7 @@ class OperatingPoint:
     state : (12,) array
         The paper's state x: zeta_e1, p_e, h_e2, T_e1w, T_e2w, zeta_c1, zeta_c2, p_c, h_c3, T_c1w, T_c2w, T_c3w (SI).
     conserved : (12,) array
-        The same state in the coordinates of the integration, see `ac_plant_node.model`.
+        The same state in the coordinates of the integration, see `ac_plant_node.dynamics.balances`.
     mass_flow_kg_s, cooling_power_w, compressor_power_w, subcooling_k, discharge_enthalpy_j_kg : float
     """
 

@@ -1,37 +1,13 @@
-"""Strings that change whenever the plant does: keys under which compiled code and designs are cached."""
+"""A string that changes whenever the plant does: the key under which equilibria and designs are cached."""
 
-import hashlib
-from pathlib import Path
-
-from ac_plant_node.parameter_file import load_parameters
-from ac_plant_node.parameters import Parameters, digest
-from ac_plant_node.tables import table_identity
-
-COMPILED_SOURCES = (
-    "compiled.py",
-    "fingerprint.py",
-    "tables.py",
-    "parameters.py",
-    "lookup.py",
-    "zones.py",
-    "model.py",
-    "integrator.py",
-)
-"""Files whose text compiled code depends on."""
-MODEL_SOURCES = (*COMPILED_SOURCES, "calibration.py", "equilibrium.py", "linear.py")
-"""Files whose text equilibria and linear models depend on."""
-
-
-def source_hash(names: tuple[str, ...]) -> str:
-    """Hash of the text of some of this package's files (16 hex digits)."""
-    total = hashlib.sha256()
-    for name in names:
-        total.update(Path(__file__).with_name(name).read_bytes())
-    return total.hexdigest()[:16]
+from ac_common.cache import source_fingerprint
+from ac_plant_node.parameters.file import load_parameters
+from ac_plant_node.parameters.values import Parameters, digest
+from ac_plant_node.properties.tables import table_identity
 
 
 def parameters_fingerprint(parameters: Parameters | None = None) -> str:
-    """Hash of parameters and operating points, the property tables' identity and the model's source (16 hex digits)."""
+    """Return a hash of parameters, operating points, the property tables' identity and the sources (16 hex digits)."""
     parameters = parameters or load_parameters()
-    identity = f"{table_identity(parameters.refrigerant)}/{source_hash(MODEL_SOURCES)}"
+    identity = f"{table_identity(parameters.refrigerant)}/{source_fingerprint('ac_plant_node')}"
     return digest(parameters.identity.encode(), identity.encode())[:16]

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import matrix_balance, null_space
 
-from ac_plant_node import model
+from ac_plant_node.dynamics import balances as model
 from ac_plant_node.equilibrium import X_SCALE, OperatingPoint, operating_point, rates
-from ac_plant_node.parameter_file import load_parameters
-from ac_plant_node.tables import load_tables
+from ac_plant_node.parameters.file import load_parameters
+from ac_plant_node.properties.tables import load_tables
 
 INPUTS = ("compressor_speed", "valve_opening", "air_mass_flow", "air_inlet_temperature")
 """Inputs of the linear model: rad/s, 0..1, kg/s, K."""

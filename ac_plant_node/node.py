@@ -17,12 +17,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from bringup.rest import rest_at
-from bringup.ros.node_shell import NodeShell, run_node
-from bringup.ros.parameters import MODE, OPERATING_POINT, SAMPLE_TIME, Parameter
-from bringup.ros.realtime import Latencies
-from bringup.safe_command import COMMAND_HOLD_S, CommandHold
-from bringup.topics import CLOCK, PLANT, Topic
+from ac_common.safe_command import COMMAND_HOLD_S, CommandHold
+from ac_common.topics import CLOCK, PLANT, Topic
+from ac_plant_node.rest import rest_at
+from ac_ros_common.loop_node import NodeShell, run_node
+from ac_ros_common.parameters import MODE, OPERATING_POINT, SAMPLE_TIME, Parameter
+from ac_ros_common.realtime import Latencies
 
 PARAMETERS = (
     OPERATING_POINT,
@@ -247,7 +247,7 @@ class PlantNode(NodeShell):
         if self._plant is None:
             return {}
         from ac_plant_node import Plant
-        from ac_plant_node.model import STATE_NAMES
+        from ac_plant_node.dynamics.balances import STATE_NAMES
 
         if not isinstance(self._plant, Plant):
             return {}  # a model of somebody else's

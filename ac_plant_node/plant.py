@@ -6,12 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ac_plant_node import integrator, model
+from ac_common.units import RPM
+from ac_plant_node.dynamics import balances as model
+from ac_plant_node.dynamics import integrator
 from ac_plant_node.equilibrium import OperatingPoint, operating_point
-from ac_plant_node.parameter_file import load_parameters
-from ac_plant_node.parameters import Parameters
-from ac_plant_node.tables import load_tables
-from bringup.units import RPM
+from ac_plant_node.parameters.file import load_parameters
+from ac_plant_node.parameters.values import Parameters
+from ac_plant_node.properties.tables import load_tables
 
 _FOUR_NUMBERS = "plant inputs must be four finite numbers: speed rad/s, opening 0..1, air kg/s, air degC"
 _LEFT = "the plant left its model's domain: pressure outside the property tables"
@@ -31,20 +32,20 @@ class Outputs:
 class Plant:
     """The nonlinear moving-boundary air conditioner.
 
-    Inputs outside `INPUT_LOW` .. `INPUT_HIGH` of `ac_plant_node.model` saturate there, as the actuators and the blower
-    of a car do (a fault may push a command past its stop); inputs that are not finite are refused. Within that box no
-    input breaks the plant.
+    Inputs outside `INPUT_LOW` .. `INPUT_HIGH` of `ac_plant_node.dynamics.balances` saturate there, as the actuators and
+    the blower of a car do (a fault may push a command past its stop); inputs that are not finite are refused. Within
+    that box no input breaks the plant.
 
     Parameters
     ----------
     state : (12,) array
-        Integration state, see `ac_plant_node.model`.
+        Integration state, see `ac_plant_node.dynamics.balances`.
     inputs : (4,) array
         Compressor speed rad/s, valve opening 0..1, evaporator air flow kg/s, evaporator air inlet degC.
     parameters : Parameters, optional
         The shipped set by default.
     tolerance : float
-        Local error of an integration step, relative to the sizes in `ac_plant_node.integrator.ERROR_SCALE`.
+        Local error of an integration step, relative to the sizes in `ac_plant_node.dynamics.integrator.ERROR_SCALE`.
     """
 
     def __init__(

@@ -4,8 +4,8 @@ import math
 import os
 from functools import cache
 
-from ac_plant_node.parameter_file import PLANT_VARIABLE, load_parameters
-from ac_plant_node.tables import Tables, load_tables
+from ac_plant_node.parameters.file import PLANT_VARIABLE, load_parameters
+from ac_plant_node.properties.tables import Tables, load_tables
 
 
 @cache

@@ -15,10 +15,10 @@ from pathlib import Path
 
 import click
 
+from ac_common.errors import nearest, one_line
 from bringup.commands.options import examples
-from bringup.errors import nearest, one_line
 
-#: Names the plant's parameter file; the same as `ac_plant_node.parameters.PLANT_VARIABLE`, which is heavy to import.
+#: Names the plant's parameter file; the same as `PLANT_VARIABLE` of `ac_plant_node`, which is heavy to import.
 PLANT_VARIABLE = "ACFTC_PLANT"
 
 INTERRUPTED = 130
@@ -26,7 +26,18 @@ FAILED = 1
 BAD_INPUT = 2
 
 #: Errors of these packages carry a message meant for the user.
-OWN_PACKAGES = ("ac_plant_node", "bringup", "fault_injector_node", "fdi_node", "gimc", "gimc_controller_node")
+OWN_PACKAGES = (
+    "ac_common",
+    "ac_design",
+    "ac_experiments",
+    "ac_plant_node",
+    "ac_ros_common",
+    "bringup",
+    "fault_injector_node",
+    "fdi_node",
+    "gimc",
+    "gimc_controller_node",
+)
 
 #: Every command, under the heading where help lists it, in the order of use.
 SECTIONS: dict[str, tuple[str, ...]] = {
@@ -134,7 +145,7 @@ def entry() -> None:
         main()
     except SystemExit as end:
         if "rclpy" in sys.modules and isinstance(end.code, int):
-            from bringup.ros.processes import leave
+            from bringup.launch.processes import leave
 
             leave(end.code)
         raise

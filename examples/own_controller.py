@@ -11,8 +11,8 @@ import sys
 import numpy as np
 
 from ac_plant_node import operating_point
-from bringup.ros.node_shell import NodeShell, run_node
-from bringup.ros.parameters import OPERATING_POINT, SAMPLE_TIME
+from ac_ros_common.loop_node import NodeShell, run_node
+from ac_ros_common.parameters import OPERATING_POINT, SAMPLE_TIME
 
 # Evaporator pressure moves with the compressor (-0.1 kPa/rpm at rest), superheat with the valve (falls as it opens).
 PROPORTIONAL = np.array([-1.0e-3, -4.0e-3])  # rad/s per Pa, opening per K

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 import fdi_node
+from ac_design.design_file import to_bytes
+from ac_design.thresholds import noise_thresholds, residual_covariances, step_peaks
 from ac_plant_node import linearize, operating_point
-from bringup.designs import to_bytes
-from fdi_node.thresholds import noise_thresholds, residual_covariances, step_peaks
 from gimc import discretise
 
 FILE = Path("results/own_filter.npz")

@@ -12,7 +12,7 @@ import numpy as np
 
 from ac_plant_node import linearize, operating_point
 from ac_plant_node.node import PlantNode
-from bringup.ros.node_shell import run_node
+from ac_ros_common.loop_node import run_node
 from gimc import discretise
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 import fdi_node
 import gimc_controller_node
-from bringup.designs import to_bytes
+from ac_design.design_file import to_bytes
 from gimc_controller_node import CompensatorDesign
 
 FILE = Path("results/own_q.npz")

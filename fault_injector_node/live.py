@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bringup.profiles import PROFILES, is_there
+from ac_common.fault_profiles import PROFILES, is_there
 
 
 @dataclass(frozen=True)
 class Shape:
-    """How a fault grows; what the keys mean is said in `bringup.profiles.unit_profile`.
+    """How a fault grows; what the keys mean is said in `ac_common.fault_profiles.unit_profile`.
 
     Attributes
     ----------

@@ -16,12 +16,12 @@ import numpy as np
 from rclpy.parameter import Parameter as RosParameter
 from std_srvs.srv import SetBool
 
-from bringup.profiles import PROFILES
-from bringup.rest import rest_at
-from bringup.ros.node_shell import NodeShell, run_node
-from bringup.ros.parameters import MODE, OPERATING_POINT, RUN_START, SAMPLE_TIME, SUPERHEAT_SENSOR, Parameter
-from bringup.safe_command import COMMAND_HOLD_S, CommandHold
-from bringup.topics import FAULTS, INJECTOR
+from ac_common.fault_profiles import PROFILES
+from ac_common.safe_command import COMMAND_HOLD_S, CommandHold
+from ac_common.topics import FAULTS, INJECTOR
+from ac_plant_node.rest import rest_at
+from ac_ros_common.loop_node import NodeShell, run_node
+from ac_ros_common.parameters import MODE, OPERATING_POINT, RUN_START, SAMPLE_TIME, SUPERHEAT_SENSOR, Parameter
 from fault_injector_node.injector import FaultInjector
 from fault_injector_node.live import LiveFault, Shape
 

@@ -2,12 +2,12 @@
 
 from dataclasses import replace
 
-from bringup.topics import FAULTS
-from fdi_node.design_cache import cached_design
+from ac_common.topics import FAULTS
+from ac_design.store import cached_design
+from ac_design.weights import FdiWeights, SuperheatSensor
 from fdi_node.detector import Detection, FaultDetector, FdiDesign, Supervision
-from fdi_node.weights import FdiWeights, SuperheatSensor
 
-SYNTHESES = {2: ("fdi-two-sensors", "fdi_node.two_sensors"), 3: ("fdi", "fdi_node.synthesis")}
+SYNTHESES = {2: ("fdi-two-sensors", "ac_design.fdi_two_sensors"), 3: ("fdi", "ac_design.fdi")}
 """For each number of sensors: name in the cache, and the module that designs."""
 
 __all__ = [

@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bringup.topics import FAULTS
-from fdi_node.cache import Arrays
+from ac_common.cache import Arrays
+from ac_common.topics import FAULTS
 
 Vector = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ import sys
 
 import numpy as np
 
-from bringup.recording import StatusRow
-from bringup.ros.frozen import FROZEN_S, Frozen
-from bringup.ros.node_shell import MEMORY_AGE_S, NodeShell, run_node
-from bringup.ros.parameters import (
+from ac_common.topics import FDI
+from ac_experiments.recording import StatusRow
+from ac_ros_common.loop_node import MEMORY_AGE_S, NodeShell, run_node
+from ac_ros_common.parameters import (
     DESIGN_COPY,
     DESIGN_FILE,
     MEMORY_FILE,
@@ -23,8 +23,8 @@ from bringup.ros.parameters import (
     SENSORS,
     SUPERHEAT_SENSOR,
 )
-from bringup.topics import FDI
-from fdi_node.turns import Turns
+from ac_ros_common.stuck_sensor import FROZEN_S, Frozen
+from fdi_node.sequencer import Turns
 
 PARAMETERS = (
     OPERATING_POINT,

@@ -1,10 +1,10 @@
 """The controller `u = V~^-1 (U~ (r - y) + q)` and the compensator `q = Q f_e`."""
 
-from fdi_node.design_cache import cached_design
-from fdi_node.weights import FdiWeights
+from ac_design.controller_weights import CONTROLLERS, PAPER_CONTROLLER, CompensatorWeights, ControllerWeights
+from ac_design.store import cached_design
+from ac_design.weights import FdiWeights
 from gimc_controller_node.compensator import Compensator, CompensatorDesign
 from gimc_controller_node.controller import Controller, ControllerDesign
-from gimc_controller_node.weights import CONTROLLERS, PAPER_CONTROLLER, CompensatorWeights, ControllerWeights
 
 __all__ = [
     "CONTROLLERS",
@@ -36,9 +36,7 @@ def design_controller(point: str, sample_time_s: float, weights: ControllerWeigh
     ValueError
         For an unknown operating point or a sample time out of range.
     """
-    arrays = cached_design(
-        "controller", "gimc_controller_node.controller_design", point, sample_time_s, weights or ControllerWeights()
-    )
+    arrays = cached_design("controller", "ac_design.controller", point, sample_time_s, weights or ControllerWeights())
     return ControllerDesign.from_arrays(arrays)
 
 
@@ -58,7 +56,7 @@ def design_compensator(
     """
     arrays = cached_design(
         "compensator",
-        "gimc_controller_node.compensator_design",
+        "ac_design.compensator",
         point,
         sample_time_s,
         weights or CompensatorWeights(),

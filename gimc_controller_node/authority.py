@@ -6,7 +6,7 @@ no such model. So q is bounded, its direction kept, by a stated multiple of what
 size make of it. A q that would go beyond that bound is the sign of a plant that is not the model's (or of a fault far
 beyond the design's size): q then fades out, which leaves K0, and comes back when what it would be has been small for a
 while, for a start with half its gain and a part of the bound: a loop that runs away with all of q may well be stable
-with half of it (`python -m gimc_controller_node.loop_poles` prints the gain margins). Each time that it does not keep
+with half of it (`python -m ac_design.analysis.loop_stability` prints the gain margins). Each time that it does not keep
 well it stays away four times as long and comes back with half the gain it had.
 """
 

@@ -24,13 +24,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bringup.topics import FAULTS
-from bringup.units import KPA, RPM
-from fdi_node.cache import Arrays
+from ac_common.cache import Arrays
+from ac_common.topics import FAULTS
+from ac_common.units import KPA, RPM
+from ac_design.controller_weights import CommandLimits
 from fdi_node.detector import same_shape
 from gimc_controller_node.authority import DESIGN_RANGE, Authority
 from gimc_controller_node.reach import Reach
-from gimc_controller_node.weights import CommandLimits
 
 Vector = NDArray[np.float64]
 

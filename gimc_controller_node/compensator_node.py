@@ -8,9 +8,10 @@ import numpy as np
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter as RosParameter
 
-from bringup.recording import StatusRow
-from bringup.ros.node_shell import MEMORY_AGE_S, NodeShell, run_node
-from bringup.ros.parameters import (
+from ac_common.topics import COMPENSATOR
+from ac_experiments.recording import StatusRow
+from ac_ros_common.loop_node import MEMORY_AGE_S, NodeShell, run_node
+from ac_ros_common.parameters import (
     CONTROLLER_WEIGHTS,
     DESIGN_COPY,
     DESIGN_FILE,
@@ -23,7 +24,6 @@ from bringup.ros.parameters import (
     SUPERHEAT_SENSOR,
     Parameter,
 )
-from bringup.topics import COMPENSATOR
 
 PARAMETERS = (
     OPERATING_POINT,

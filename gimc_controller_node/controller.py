@@ -11,7 +11,7 @@ plant really gets, which is the anti-windup of this form.
 
 When a limit holds one command back, the other one does what is missing as far as it can: of all commands within the
 limits, the one is sent whose outputs are nearest to what was wanted, some seconds ahead (`ControllerDesign.priority`).
-The references r have passed the governor (`gimc_controller_node.governor`).
+The references r have passed the governor (`gimc_controller_node.reference_governor`).
 """
 
 import math
@@ -20,8 +20,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from fdi_node.cache import Arrays
-from gimc_controller_node.governor import ReferenceGovernor
+from ac_common.cache import Arrays
+from gimc_controller_node.reference_governor import ReferenceGovernor
 
 Vector = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from bringup.safe_command import towards
+from ac_common.safe_command import towards
 from gimc_controller_node.controller import Controller
 from gimc_controller_node.protection import IDLE, Protection, ProtectionLimits, protect
 

@@ -10,9 +10,9 @@ import sys
 
 import numpy as np
 
-from bringup.ros.frozen import FROZEN_S, Frozen
-from bringup.ros.node_shell import NodeShell, run_node
-from bringup.ros.parameters import (
+from ac_common.topics import CONTROLLER
+from ac_ros_common.loop_node import NodeShell, run_node
+from ac_ros_common.parameters import (
     CONTROLLER_WEIGHTS,
     DESIGN_COPY,
     DESIGN_FILE,
@@ -22,7 +22,7 @@ from bringup.ros.parameters import (
     SAMPLE_TIME,
     Parameter,
 )
-from bringup.topics import CONTROLLER
+from ac_ros_common.stuck_sensor import FROZEN_S, Frozen
 from gimc_controller_node.protection import ProtectionLimits
 
 #: Fields of `ProtectionLimits` that are parameters, with what they may be.

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bringup.units import RPM
+from ac_common.units import RPM
 
 COLD = "evaporator pressure too low (freezing): compressor speed is capped"
 DRY = "superheat too low (liquid to the compressor): valve opening is capped"

@@ -2,7 +2,7 @@
 
 Every Q is as good as the linear model behind it. Elsewhere than at the operating point `f_e` depends on q, which closes
 a second loop. The references say where the plant will be, and the gain margin of that loop there is known when the
-design is made (`gimc_controller_node.reach_design`): q is scaled so that a margin is left, a gain schedule. What this
+design is made (`ac_design.reach`): q is scaled so that a margin is left, a gain schedule. What this
 does not foresee is left to `gimc_controller_node.authority`.
 """
 

@@ -115,7 +115,7 @@ def values(signal, recording):
     """Values of a signal in a recording, tick by tick."""
     import numpy as np
 
-    from bringup.topics import BY_NAME, FAULTS
+    from ac_common.topics import BY_NAME, FAULTS
 
     topic = signal.topic.removeprefix("/ac/")
     if signal.field == "value":
@@ -159,7 +159,7 @@ def draw(panels, recording, file):
 
 
 if __name__ == "__main__":
-    from bringup.bags.reader import read_bag
+    from ac_experiments.bags.reader import read_bag
 
     run = read_bag(sys.argv[1])
     for name, (layout_file, read) in LAYOUTS.items():

@@ -10,8 +10,8 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
-from bringup.ros.guest import guest
-from bringup.ros.processes import ros_environment
+from ac_ros_common.client_node import guest
+from bringup.launch.processes import ros_environment
 
 
 class Operator:

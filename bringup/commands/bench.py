@@ -2,9 +2,9 @@
 
 import click
 
+from ac_common.errors import RunError
 from bringup.commands.options import examples, json_option
 from bringup.console import print_json, print_table, say
-from bringup.errors import RunError
 
 
 @click.command(
@@ -37,8 +37,8 @@ def bench(realtime_s: float, ticks: int, as_json: bool) -> None:
 
     Takes some three minutes, and wants the machine for itself. Exit code 1 when a bar is missed.
     """
-    from bringup.bench.figures import as_dicts
-    from bringup.bench.figures import bench as measure
+    from bringup.benchmarks.figures import as_dicts
+    from bringup.benchmarks.figures import bench as measure
 
     figures = measure(ticks=ticks, realtime_s=realtime_s, say=say)
     if as_json:

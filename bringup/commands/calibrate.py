@@ -53,7 +53,7 @@ def calibrate(table: Path | None, given: Path | None, out: Path | None, as_json:
     from ac_plant_node import load_parameters, load_points
     from ac_plant_node.calibration import row_inputs
     from ac_plant_node.equilibrium import equilibrium
-    from ac_plant_node.parameters import SOLVED
+    from ac_plant_node.parameters.values import SOLVED
 
     before = load_parameters(given)
     rows = load_points(table) if table is not None else before.points
@@ -105,8 +105,8 @@ def _point(point: "CalibratedPoint", rest: "OperatingPoint") -> dict[str, Any]:
 
 
 def _write(out: Path, solved: "Parameters", source: str) -> None:
-    from ac_plant_node.parameter_file import parameter_text
-    from ac_plant_node.parameters import SOLVED
+    from ac_plant_node.parameters.file import parameter_text
+    from ac_plant_node.parameters.values import SOLVED
 
     text = parameter_text(solved, dict.fromkeys(SOLVED, f"solved by acftc calibrate from {source}"))
     out.parent.mkdir(parents=True, exist_ok=True)

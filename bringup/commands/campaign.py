@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ac_common.errors import BringupError, RunError
 from bringup.commands.options import examples, json_option
 from bringup.console import print_json, print_table, progress_bar, say
-from bringup.errors import BringupError, RunError
 
 if TYPE_CHECKING:
-    from bringup.campaign.run import Outcome
+    from bringup.fault_campaign.run import Outcome
 
 
 @click.command(
@@ -37,8 +37,8 @@ def campaign(seeds: int, seed: int | None, duration_s: float, out: Path | None, 
     range) and of the plant (f_N, f_p) together; afterwards the promises of docs/promises.md are checked on what was
     recorded. Exit code 1 when one was broken; --seed runs that one again.
     """
-    from bringup.campaign.plan import plan
-    from bringup.campaign.run import as_dict, run_seed
+    from bringup.fault_campaign.plan import plan
+    from bringup.fault_campaign.run import as_dict, run_seed
 
     chosen = range(seeds) if seed is None else [seed]
     plan(chosen[0], duration_s)  # a duration that is no good is refused now

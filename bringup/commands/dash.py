@@ -5,9 +5,9 @@ from contextlib import ExitStack, contextmanager
 
 import click
 
+from ac_common.errors import RunError
 from bringup.commands.options import OneOf, examples
 from bringup.console import say
-from bringup.errors import RunError
 
 
 @click.command(
@@ -42,7 +42,7 @@ def dash(host: str, port: int | None, point: str, no_browser: bool) -> None:
     Looks into the ROS domain of ROS_DOMAIN_ID, 0 when it is not set. Where no graph is running it starts one, at rest
     on the wall clock and not recorded, and ends it with the page.
     """
-    from bringup.dash.own_graph import find_or_start
+    from bringup.dash.private_graph import find_or_start
     from bringup.dash.server import listen, open_browser, serve
 
     address = listen(host, port or 0)

@@ -21,7 +21,7 @@ def design(point: str | None, as_json: bool) -> None:
     """
     from dataclasses import asdict
 
-    from bringup.design import all_blocks
+    from ac_design.overview import all_blocks
 
     points = [point] if point else ["low", "med", "high"]
     blocks = {name: [asdict(block) for block in all_blocks(name)] for name in points}

@@ -16,8 +16,8 @@ def equilibria(as_json: bool) -> None:
 
     With --plant FILE they are the points of that file.
     """
+    from ac_common.units import KPA, RPM
     from ac_plant_node import TABLE_I, load_parameters, operating_point
-    from bringup.units import KPA, RPM
 
     table = load_parameters().points
     given = "table_i" if table == TABLE_I else "given"

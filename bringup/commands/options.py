@@ -7,8 +7,8 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
-from bringup.errors import nearest
-from bringup.topics import COMPENSATOR, CONTROLLER, FDI, INJECTOR, PLANT, SCENARIO
+from ac_common.errors import nearest
+from ac_common.topics import COMPENSATOR, CONTROLLER, FDI, INJECTOR, PLANT, SCENARIO
 
 
 def examples(*lines: str) -> str:
@@ -36,7 +36,7 @@ class ScenarioType(click.Path):
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """Complete a name or a path."""
-        from bringup.scenario import built_in_scenarios
+        from ac_experiments.scenario import built_in_scenarios
 
         names = [CompletionItem(name) for name in built_in_scenarios() if name.startswith(incomplete)]
         return names or super().shell_complete(ctx, param, incomplete)
@@ -49,8 +49,8 @@ class SettingType(click.ParamType[str]):
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:  # noqa: ARG002
         """Complete a key."""
-        from bringup.errors import BringupError
-        from bringup.scenario import load
+        from ac_common.errors import BringupError
+        from ac_experiments.scenario import load
 
         # With --set still waiting for its value, click leaves the scenario among the words that it could not place.
         scenario = ctx.params.get("scenario") or next(iter(ctx.args), "nominal")

@@ -7,20 +7,20 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ac_common.errors import BringupError, one_line
 from bringup.console import print_json, print_table, progress_bar, say
-from bringup.errors import BringupError, one_line
 
 if TYPE_CHECKING:
-    from bringup.recording import Recording
-    from bringup.scenario_schema import Scenario
+    from ac_experiments.recording import Recording
+    from ac_experiments.scenario_schema import Scenario
 
-#: The page, and the pictures that `bringup.report.page` writes beside it.
+#: The page, and the pictures that `ac_experiments.report.page` writes beside it.
 _OF_REPORT = re.compile(r"report(\.html|(_fault_\d+|_nodes)?\.(svg|png))")
 
 
 def load_scenario(scenario: str, overrides: tuple[str, ...], passive: bool) -> "Scenario":
     """Load a scenario with what the command line changes in it."""
-    from bringup.scenario import load
+    from ac_experiments.scenario import load
 
     return load(scenario, (*overrides, "passive=true") if passive else overrides)
 
@@ -59,7 +59,7 @@ def finish(
     recording: "Recording", folder: Path, as_json: bool, bag: Path | None = None, with_report: bool = True
 ) -> None:
     """Write summary and report of a run, and say where they are; `bag` holds the nodes' health reports."""
-    from bringup.summary import summarise, write_summary
+    from ac_experiments.metrics import summarise, write_summary
 
     summary = summarise(recording)
     written = [folder / "summary.json"]
@@ -94,9 +94,9 @@ def _is_of_report(item: Path) -> bool:
 
 def write_page(path: Path, recording: "Recording", bag: Path | None, beside: "Recording | None", note: str) -> None:
     """Write the report of a run, with what the nodes said of themselves where there is a bag."""
-    from bringup.bags.reader import RawBag, read_raw
-    from bringup.report.nodes import first_tick_s, reports_of
-    from bringup.report.page import write_report
+    from ac_experiments.bags.reader import RawBag, read_raw
+    from ac_experiments.report.nodes import first_tick_s, reports_of
+    from ac_experiments.report.page import write_report
 
     raw = RawBag() if bag is None else read_raw(bag)
     write_report(path, recording, beside, note, reports_of(raw), first_tick_s(raw))
@@ -104,9 +104,9 @@ def write_page(path: Path, recording: "Recording", bag: Path | None, beside: "Re
 
 def companion(recording: "Recording") -> "tuple[Recording | None, str]":
     """Give the passive run to show beside an active one with faults, and the sentence that says where it is from."""
-    from bringup.loop import simulate as simulate_loop
-    from bringup.scenario import check
-    from bringup.software import same_plant
+    from ac_experiments.scenario import check
+    from ac_experiments.simulate import simulate as simulate_loop
+    from ac_experiments.versions import same_plant
 
     if recording.metadata["passive"] or not recording.metadata["scenario"].get("faults"):
         return None, ""
@@ -127,7 +127,7 @@ def _same_programme(recording: "Recording", other: "Recording") -> bool:
     """Whether faults and references of a recording are those of the other run, as far as they were recorded."""
     import numpy as np
 
-    from bringup.topics import BY_NAME
+    from ac_common.topics import BY_NAME
 
     faults = ("fault/compressor_speed", "fault/evaporator_pressure")
     references = ("reference/evaporator_pressure", "reference/superheat")

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import click
 
+from ac_common.errors import RunError, one_line
 from bringup.commands.options import LOOP_NODES, NodeType, bag_argument, examples, json_option
 from bringup.console import print_json, progress_bar, say
-from bringup.errors import RunError, one_line
 
 
 @click.command(
@@ -26,7 +26,7 @@ def replay(bag: Path, node: str, as_json: bool) -> None:
 
     Exit code 1 when they differ by more than the rounding of another processor.
     """
-    from bringup.bags.replay import replay as replay_node
+    from bringup.replay.replay import replay as replay_node
 
     with progress_bar(f"replay of {node}") as progress:
         result = replay_node(bag, node, progress)

@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ac_common.errors import BringupError
 from bringup.commands.options import bag_argument, examples, json_option
 from bringup.commands.outcome import companion, make_folder, write_page
 from bringup.console import print_json, say
-from bringup.errors import BringupError
 
 if TYPE_CHECKING:
-    from bringup.recording import Recording
+    from ac_experiments.recording import Recording
 
 
 @click.command(
@@ -38,8 +38,8 @@ def report(bag: Path, out: Path | None, beside: Path | None, alone: bool, as_jso
     BAG is the folder of a run, its bag, or an .mcap file. FILE gets the report; pictures of the plots get its name with
     .svg and .png. With --json the key figures are printed as in summary.json.
     """
-    from bringup.bags.reader import read_bag
-    from bringup.summary import summarise
+    from ac_experiments.bags.reader import read_bag
+    from ac_experiments.metrics import summarise
 
     if alone and beside:
         msg = "--alone and --beside exclude each other"
@@ -72,7 +72,7 @@ def _default(bag: Path) -> Path:
 
 
 def _other(recording: "Recording", beside: Path) -> "Recording":
-    from bringup.bags.reader import read_bag
+    from ac_experiments.bags.reader import read_bag
 
     other = read_bag(beside)
     if bool(other.metadata["passive"]) == bool(recording.metadata["passive"]):

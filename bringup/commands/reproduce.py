@@ -35,7 +35,7 @@ def reproduce(out: Path, cycle: Path | None, as_json: bool) -> None:
     failure: the exit code tells whether the experiments could be run.
     """
     make_folder(out)
-    from bringup.report.reproduce import reproduce as run_experiments
+    from ac_experiments.paper.reproduce import reproduce as run_experiments
 
     with progress_bar("E1 to E8") as progress:
         experiments = run_experiments(out, cycle, say if progress is None else steps_of(progress, EXPERIMENTS))

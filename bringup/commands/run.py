@@ -5,11 +5,11 @@ from typing import Literal
 
 import click
 
+from ac_common.errors import BringupError, InterruptedRunError, RunError
 from bringup.commands.dash import dash_option, page
 from bringup.commands.options import LOOP_NODES, NodeType, OneOf, examples, scenario_options
 from bringup.commands.outcome import finish, load_scenario, prepare_folder
 from bringup.console import progress_bar, say
-from bringup.errors import BringupError, InterruptedRunError, RunError
 
 
 @click.command(
@@ -78,7 +78,7 @@ def run(
     summary.json, report.html, and the pictures of the report as .svg and .png. A report left away with --no-report
     can be had later: acftc report DIR/bag.
     """
-    from bringup.ros.own_nodes import own_nodes
+    from bringup.launch.user_nodes import own_nodes
 
     if care and mode != "realtime":
         raise BringupError("--realtime-care: only with --mode realtime; in lockstep nothing waits for the wall clock")
@@ -86,8 +86,8 @@ def run(
     own = own_nodes(nodes, without, params_file)
     folder = prepare_folder(out or Path("results") / chosen.name, force)
 
-    from bringup.bags.reader import read_bag
-    from bringup.ros.graph import run_graph
+    from ac_experiments.bags.reader import read_bag
+    from bringup.launch.launch import run_graph
 
     with page(with_page) as beside, progress_bar(f"{chosen.name} ({mode})") as progress:
         try:

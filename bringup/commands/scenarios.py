@@ -10,7 +10,7 @@ from bringup.console import print_json, print_table
 @json_option
 def scenarios(as_json: bool) -> None:
     """List the built-in scenarios."""
-    from bringup.scenario import built_in_scenarios, load
+    from ac_experiments.scenario import built_in_scenarios, load
 
     known = {name: load(name, whole=False) for name in built_in_scenarios()}
     if as_json:

@@ -29,7 +29,7 @@ def simulate(
     as_json: bool,
 ) -> None:
     """Run SCENARIO in one process without ROS: the same step functions, the same summary and report."""
-    from bringup.loop import simulate as simulate_loop
+    from ac_experiments.simulate import simulate as simulate_loop
 
     chosen = load_scenario(scenario, overrides, passive)
     folder = prepare_folder(out or Path("results") / f"{chosen.name}_simulated", force)

@@ -22,7 +22,7 @@ def topics(as_json: bool) -> None:
     Looks into the ROS domain of ROS_DOMAIN_ID, 0 when it is not set: where `acftc run` puts a graph by default. With
     --json it watches for two seconds and prints what it has seen.
     """
-    from bringup.ros.watch import table, topics_live, topics_once
+    from bringup.topic_watch import table, topics_live, topics_once
 
     if as_json:
         print_json(topics_once())

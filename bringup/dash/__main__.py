@@ -5,7 +5,7 @@ import socket
 import sys
 
 from bringup.dash.server import TOKEN_VARIABLE, Address, Door, serve
-from bringup.ros.processes import end_with_parent, leave
+from bringup.launch.processes import end_with_parent, leave
 
 
 def main() -> None:

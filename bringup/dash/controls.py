@@ -6,11 +6,11 @@ from typing import Any, Literal
 
 from bokeh.models.widgets import Button, RadioButtonGroup, Select, Spinner
 
+from ac_common.fault_profiles import PROFILE_KEYS, PROFILES
+from ac_common.topics import COMPENSATOR, FAULTS, SCENARIO
+from ac_common.units import KPA, RPM
 from bringup.dash.link import Link, View
-from bringup.profiles import PROFILE_KEYS, PROFILES
-from bringup.scenario_node import OFFSETS
-from bringup.topics import COMPENSATOR, FAULTS, SCENARIO
-from bringup.units import KPA, RPM
+from bringup.nodes.scenario import OFFSETS
 from fault_injector_node.node import PARAMETERS as INJECTOR_PARAMETERS
 
 POINTS = ("low", "med", "high")

@@ -30,8 +30,8 @@ class Corners:
 
 @cache
 def _plant() -> tuple[Any, float]:
-    from ac_plant_node.parameter_file import load_parameters
-    from ac_plant_node.tables import load_tables
+    from ac_plant_node.parameters.file import load_parameters
+    from ac_plant_node.properties.tables import load_tables
 
     parameters = load_parameters()
     return load_tables(parameters.refrigerant, progress=False), float(parameters["isentropic_efficiency"])
@@ -39,7 +39,7 @@ def _plant() -> tuple[Any, float]:
 
 def dome(points: int = 120) -> tuple[Vector, Vector]:
     """Saturation line from boiling liquid over the top to dry vapour: enthalpy [J/kg] and pressure [Pa]."""
-    from ac_plant_node.lookup import saturation
+    from ac_plant_node.properties.lookup import saturation
 
     tables, _ = _plant()
     pressures = np.geomspace(5.0e4, float(tables.grid[8]), points)
@@ -49,7 +49,7 @@ def dome(points: int = 120) -> tuple[Vector, Vector]:
 
 def subcooled_enthalpy(p_c: float, h_c3: float) -> float:
     """How far the condenser's outlet is below boiling liquid, J/kg: it hardly changes from report to report."""
-    from ac_plant_node.lookup import saturation
+    from ac_plant_node.properties.lookup import saturation
 
     return float(saturation(_plant()[0], p_c).h_f - h_c3)
 
@@ -67,14 +67,14 @@ def corners(p_e: float, superheat: float, p_c: float, below_boiling_j_kg: float)
         Enthalpy of boiling liquid minus that of the condenser's outlet, see `subcooled_enthalpy`.
     """
     from ac_plant_node.calibration import superheated_enthalpy
-    from ac_plant_node.lookup import isentrope, saturation, vapour_entropy
+    from ac_plant_node.properties.lookup import isentrope, saturation, vapour_entropy
 
     tables, efficiency = _plant()
     low, high = saturation(tables, p_e), saturation(tables, p_c)
     h_1 = superheated_enthalpy(tables, p_e, superheat) if superheat > 0.0 else low.h_g
     s_1 = vapour_entropy(tables, p_e, low.ln_p, h_1, low.h_g, low.h_g_p)[0]
     h_2s = isentrope(tables, p_c, high.ln_p, s_1, high.h_g, high.h_g_p, high.s_g, high.s_g_p, high.t)[0]
-    # As ac_plant_node.zones: a constant isentropic efficiency.
+    # As ac_plant_node.dynamics.zones: a constant isentropic efficiency.
     h_2 = h_1 + max(h_2s - h_1, 0.0) / efficiency
     h_3 = high.h_f - below_boiling_j_kg
     return Corners(np.array([h_1, h_2, h_3, h_3]), np.array([p_e, p_c, p_c, p_e]))

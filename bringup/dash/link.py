@@ -24,19 +24,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
 from std_srvs.srv import SetBool
 
-from bringup.dash.reconfigure import reconfigure
-from bringup.dash.rows import TOPIC_NAMES, Rows, threshold_values
-from bringup.errors import BringupError, one_line
-from bringup.recording import StatusRow
-from bringup.ros.cdr import read_diagnostics, stamp_ns, status_row, value_offsets
-from bringup.ros.graph import ACTIVATION_ORDER
-from bringup.ros.guest import guest
-from bringup.ros.inputs import Gate, Subscriptions
-from bringup.ros.messages import message_class
-from bringup.ros.node_shell import PLAIN_QOS
-from bringup.ros.restarts import read_restarts
-from bringup.scenario_node import OFFSETS
-from bringup.topics import (
+from ac_common.errors import BringupError, one_line
+from ac_common.topics import (
     BRINGUP,
     BY_NAME,
     COMPENSATOR,
@@ -49,6 +38,17 @@ from bringup.topics import (
     RECORDER,
     SCENARIO,
 )
+from ac_common.wire import read_diagnostics, stamp_ns, status_row, value_offsets
+from ac_experiments.recording import StatusRow
+from ac_ros_common.client_node import guest
+from ac_ros_common.inputs import Gate, Subscriptions
+from ac_ros_common.loop_node import PLAIN_QOS
+from ac_ros_common.messages import message_class
+from bringup.dash.reconfigure import reconfigure
+from bringup.dash.rows import TOPIC_NAMES, Rows, threshold_values
+from bringup.launch.launch import ACTIVATION_ORDER
+from bringup.launch.restart_policy import read_restarts
+from bringup.nodes.scenario import OFFSETS
 from fault_injector_node.node import PARAMETERS as INJECTOR_PARAMETERS
 
 #: Never holds a publisher up; deep enough for the bursts of a lockstep run.

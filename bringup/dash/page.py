@@ -12,6 +12,9 @@ from bokeh.models import ColumnDataSource, CustomJS
 from bokeh.models.widgets import Div, RadioButtonGroup
 from jinja2 import Environment, FileSystemLoader
 
+from ac_common.health import reported
+from ac_common.topics import FAULTS
+from ac_common.units import FAULT_UNITS, KPA
 from bringup.dash.controls import FAULT_KINDS, STYLE, ChangeControl, FaultControl, RunControl
 from bringup.dash.cycle import corners, subcooled_enthalpy
 from bringup.dash.link import Link, View
@@ -26,9 +29,6 @@ from bringup.dash.plots import (
     zone_source,
 )
 from bringup.dash.rows import MOST_ROWS, ROW_PERIOD_S, WINDOW_S, columns_of
-from bringup.ros.health import reported
-from bringup.topics import FAULTS
-from bringup.units import FAULT_UNITS, KPA
 
 #: Time between two updates, ms.
 UPDATE_MS = 100
@@ -183,7 +183,7 @@ class _Page:
 
 def rest_corners(point: str) -> Any:
     """Corners of the cycle at rest at an operating point."""
-    from bringup.rest import rest_at
+    from ac_plant_node.rest import rest_at
 
     rest = rest_at(point)
     p_e, superheat, _, p_c = rest["outputs"].tolist()

@@ -18,10 +18,10 @@ from bokeh.models import (
 from bokeh.models.annotations import LabelSet
 from bokeh.plotting import figure
 
+from ac_common.units import KPA
+from ac_experiments.report.charts import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILION
 from bringup.dash.cycle import Corners, dome
 from bringup.dash.rows import WINDOW_S
-from bringup.report.charts import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILION
-from bringup.units import KPA
 
 PALE = "#D9D9D9"
 FONT = "system-ui, sans-serif"

@@ -3,9 +3,9 @@
 import json
 from collections.abc import Iterable
 
-from bringup.ros.graph import ACTIVATION_ORDER
-from bringup.scenario_node import OFFSETS
-from bringup.topics import COMPENSATOR, CONTROLLER, FDI, PLANT, SCENARIO
+from ac_common.topics import COMPENSATOR, CONTROLLER, FDI, PLANT, SCENARIO
+from bringup.launch.launch import ACTIVATION_ORDER
+from bringup.nodes.scenario import OFFSETS
 
 #: Nodes whose design, or rest, is that of an operating point.
 AT_A_POINT = (PLANT, FDI, COMPENSATOR, CONTROLLER)
@@ -21,7 +21,7 @@ def scenario_at(given: str, point: str) -> str:
     point : str
         "low", "med" or "high".
     """
-    from bringup.scenario import check, load
+    from ac_experiments.scenario import check, load
 
     scenario = check(json.loads(given)) if given.lstrip().startswith("{") else load(given)
     return json.dumps({**scenario.model_dump(mode="json"), "operating_point": point})
@@ -52,8 +52,8 @@ def reconfigure(names: Iterable[str], domain: int, point: str, scenario: str) ->
     """
     from lifecycle_msgs.msg import Transition
 
-    from bringup.ros.processes import ros_environment
-    from bringup.ros.supervisor import Supervisor
+    from bringup.launch.processes import ros_environment
+    from bringup.launch.supervisor import Supervisor
 
     new_scenario = scenario_at(scenario, point)
     order = [name for name in ACTIVATION_ORDER if name in set(names)]

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlsplit
 
-from bringup.errors import BringupError
+from ac_common.errors import BringupError
 
 #: Tried first when no port is asked for.
 USUAL_PORT = 5006
@@ -153,7 +153,7 @@ def open_browser(url: str) -> None:
 
 def start_beside(address: Address, domain: int) -> subprocess.Popen[bytes]:
     """Serve a page in a process of its own, beside the graph in a ROS domain; it ends with this process."""
-    from bringup.ros.processes import PARENT_VARIABLE, ros_environment
+    from bringup.launch.processes import PARENT_VARIABLE, ros_environment
 
     numbers = [sock.fileno() for sock in address.sockets]
     return subprocess.Popen(

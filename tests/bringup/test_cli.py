@@ -155,8 +155,8 @@ bringup.cli.main(["boom"])
 
 
 def test_a_value_error_of_our_own_code_is_the_users_and_one_of_numpy_is_not():
+    from ac_common.fault_profiles import unit_profile
     from bringup.cli import _meant_for_the_user
-    from bringup.profiles import unit_profile
 
     with pytest.raises(ValueError, match="unknown") as ours:
         unit_profile(np.arange(3.0), "sudden", 0.0)

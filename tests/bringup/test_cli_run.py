@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bringup.bags.reader import read_bag
-from bringup.loop import simulate
-from bringup.scenario import load
-from bringup.topics import SERIES
+from ac_common.topics import SERIES
+from ac_experiments.bags.reader import read_bag
+from ac_experiments.scenario import load
+from ac_experiments.simulate import simulate
 
 pytestmark = pytest.mark.ros
 

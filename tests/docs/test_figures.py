@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from bringup.doc_figures import MEASURES, ROOT, SENTENCES, Values, groups, printed, rewritten, stated
+from docs.tools.doc_figures import MEASURES, ROOT, SENTENCES, Values, groups, printed, rewritten, stated
 
 pytestmark = pytest.mark.slow
 
@@ -28,7 +28,7 @@ def marked(page: str, sentence: str) -> Any:
 def test_a_figure_is_what_is_measured(page: str, sentence: str) -> None:
     text = (ROOT / page).read_text(encoding="utf-8")
     expected = printed(sentence, {group: measured(group) for group in groups(sentence)})
-    assert list(stated(sentence, text).groups()) == expected, "run `python -m bringup.doc_figures`"
+    assert list(stated(sentence, text).groups()) == expected, "run `python -m docs.tools.doc_figures`"
 
 
 def test_what_is_written_is_what_is_read() -> None:

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from bringup.recording import StatusRow
-from bringup.ros.cdr import pack_status, read_diagnostics
-from bringup.ros.messages import message_class
-from bringup.topics import BY_NAME, DIAGNOSTICS, JOINT_FIELD, JOINTS, NAMESPACE
+from ac_common.topics import BY_NAME, DIAGNOSTICS, JOINT_FIELD, JOINTS, NAMESPACE
+from ac_common.wire import pack_status, read_diagnostics
+from ac_experiments.recording import StatusRow
+from ac_ros_common.messages import message_class
 
 FOLDER = Path(__file__).parents[2] / "layouts"
 sys.path.insert(0, str(FOLDER))

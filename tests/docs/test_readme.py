@@ -1,7 +1,8 @@
 """Every command of the README is run, and every command in the documentation is one (figures: `test_figures.py`).
 
-The two long commands are not run in full here. The first is run with a shorter scenario; `tests/controller` runs the
-whole scenario, and `tests/graph` the whole graph. The second is `pytest` itself. The site is built in `test_site.py`.
+The two long commands are not run in full here. The first is run with a shorter scenario; `tests/gimc_controller_node`
+runs the whole scenario, and `tests/bringup/graph` the whole graph. The second is `pytest` itself. The site is built in
+`test_site.py`.
 """
 
 import os

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from bringup.reproduction_page import FOLDER, PAGE, text
+from docs.tools.reproduction_page import FOLDER, PAGE, text
 
 ROOT = Path(__file__).parents[2]
 VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
@@ -71,7 +71,7 @@ def test_reproduction_page_is_that_of_its_figures() -> None:
     import json
 
     content = json.loads((FOLDER / "paper.json").read_text(encoding="utf-8"))
-    assert PAGE.read_text(encoding="utf-8") == text(content), "run `python -m bringup.reproduction_page`"
+    assert PAGE.read_text(encoding="utf-8") == text(content), "run `python -m docs.tools.reproduction_page`"
     assert {item["figure"] for item in content.values() if item["figure"]} == {f.name for f in FOLDER.glob("*.svg")}
 
 

@@ -13,7 +13,7 @@ from urllib.request import urlopen
 
 import pytest
 
-from bringup.bags.reader import read_bag
+from ac_experiments.bags.reader import read_bag
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 

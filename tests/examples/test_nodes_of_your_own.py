@@ -16,16 +16,16 @@ import pytest
 from click.testing import CliRunner
 from mcap.reader import make_reader
 
+from ac_design.design_file import from_file
+from ac_experiments.bags.reader import read_bag, read_raw
+from ac_experiments.metrics import summarise
+from ac_experiments.recording import Recording
+from ac_experiments.scenario import load
+from ac_experiments.simulate import simulate
 from ac_plant_node import linearize, operating_point
-from bringup.bags.reader import read_bag, read_raw
 from bringup.cli import cli
-from bringup.designs import from_file
-from bringup.loop import simulate
-from bringup.recording import Recording
-from bringup.ros.processes import Child
-from bringup.ros.supervisor import Supervisor
-from bringup.scenario import load
-from bringup.summary import summarise
+from bringup.launch.processes import Child
+from bringup.launch.supervisor import Supervisor
 from fdi_node import FaultDetector, FdiDesign
 from gimc_controller_node import Compensator, CompensatorDesign
 

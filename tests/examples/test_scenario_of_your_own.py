@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from bringup.loop import simulate
-from bringup.scenario import load
+from ac_experiments.scenario import load
+from ac_experiments.simulate import simulate
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "how-to" / "own-scenario.md").read_text(encoding="utf-8")

@@ -29,19 +29,19 @@ import click
 import numpy as np
 from mutations import spoiled_bag, spoiled_npz, spoiled_text, spoiled_yaml
 
+from ac_common.health import health_of
+from ac_common.topics import FDI
+from ac_design.design_file import design_of, from_file, to_bytes
+from ac_experiments.bags.reader import health_reports, read_bag, read_raw, run_of
+from ac_experiments.bags.recorder import BagWriter, RecordedTopic
+from ac_experiments.metrics import summarise
+from ac_experiments.scenario import BUILT_IN, load, program
 from ac_plant_node import load_parameters
 from ac_plant_node.drive_cycle import load_drive_cycle
 from bringup import cli
-from bringup.bags.reader import health_reports, read_bag, read_raw, run_of
-from bringup.bags.recorder import BagWriter, RecordedTopic
-from bringup.bags.replay import _by_tick, _design, _parameters
-from bringup.designs import design_of, from_file, to_bytes
-from bringup.ros.health import health_of
-from bringup.ros.modules import MODULES, parameter_file
-from bringup.ros.own_nodes import own_nodes
-from bringup.scenario import BUILT_IN, load, program
-from bringup.summary import summarise
-from bringup.topics import FDI
+from bringup.launch.node_modules import MODULES, parameter_file
+from bringup.launch.user_nodes import own_nodes
+from bringup.replay.replay import _by_tick, _design, _parameters
 
 #: An input that takes longer has made its reader hang, s.
 PATIENCE_S = 10.0
@@ -49,7 +49,7 @@ PATIENCE_S = 10.0
 LONGEST_LINE = 1000
 #: What reading a bad file of some kilobytes may take at most, bytes of address space.
 MEMORY = 8 * 2**30
-REFERENCE = Path(__file__).parents[1] / "graph" / "reference" / "bag_0.mcap"
+REFERENCE = Path(__file__).parents[1] / "bringup" / "graph" / "reference" / "bag_0.mcap"
 #: Ticks of the good bag.
 BAG_TICKS = 25
 
@@ -120,7 +120,7 @@ def read_design(file: Path) -> None:
 
 def read_node_parameters(file: Path) -> None:
     """A node's parameter file; in a process of its own, since the parser is the middleware's and not memory-safe."""
-    from bringup.ros.arguments import ArgumentError, init
+    from ac_ros_common.rclpy_init import ArgumentError, init
 
     reading, writing = os.pipe()
     child = os.fork()

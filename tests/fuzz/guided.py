@@ -18,13 +18,13 @@ from pathlib import Path
 import atheris
 
 with atheris.instrument_imports(include=["bringup", "yaml"]):
-    from bringup.errors import BringupError
-    from bringup.recording import StatusRow
-    from bringup.ros.cdr import columns, packer, read_diagnostics, status_row
-    from bringup.ros.messages import BadMessage, reader
-    from bringup.scenario import BUILT_IN, load
-    from bringup.scenario_schema import Scenario
-    from bringup.topics import DIAGNOSTICS, TOPICS
+    from ac_common.errors import BringupError
+    from ac_common.topics import DIAGNOSTICS, TOPICS
+    from ac_common.wire import columns, packer, read_diagnostics, status_row
+    from ac_experiments.recording import StatusRow
+    from ac_experiments.scenario import BUILT_IN, load
+    from ac_experiments.scenario_schema import Scenario
+    from ac_ros_common.messages import BadMessage, reader
 
 
 #: Flags of libFuzzer: an input may take so long, and so much memory.

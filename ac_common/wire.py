@@ -1,0 +1,333 @@
+"""The loop's messages as bytes: little-endian XCDR1, as ROS 2 puts them on the wire.
+
+A loop message always has the same layout, so a node writes numbers into a template, and a bag is read column by column.
+Padding is zero, which the middleware's own serialisation does not promise: without that, two equal runs would not
+record the same bytes.
+"""
+
+import struct
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ac_common.errors import shortened
+from ac_common.topics import CLOCK, DIAGNOSTICS, FAULTS, JOINT_FIELD, JOINTS, PRESSURE, TEMPERATURE, Topic
+from ac_experiments.recording import StatusRow
+
+NANOSECONDS = 1_000_000_000
+
+#: Representation: plain CDR, little-endian.
+_ENCAPSULATION = b"\x00\x01\x00\x00"
+_STAMP = struct.Struct("<iI")
+_DOUBLE = struct.Struct("<d")
+_NAN = float("nan")
+
+Packer = Callable[[int, Sequence[Any]], bytes]
+
+
+def stamp_ns(data: bytes) -> int:
+    """Stamp of a serialised message (or clock): in all of them it comes first."""
+    seconds, nanoseconds = _STAMP.unpack_from(data, 4)
+    return int(seconds) * NANOSECONDS + int(nanoseconds)
+
+
+def restamped(data: bytes, time_ns: int) -> bytes:
+    """The serialised message with another stamp."""
+    return data[:4] + _STAMP.pack(*divmod(time_ns, NANOSECONDS)) + data[12:]
+
+
+def stamps_ns(messages: Sequence[bytes]) -> NDArray[np.int64]:
+    """Stamps of many serialised messages."""
+    heads = np.frombuffer(b"".join([data[4:12] for data in messages]), dtype=[("s", "<i4"), ("ns", "<u4")])
+    times: NDArray[np.int64] = heads["s"].astype(np.int64) * NANOSECONDS + heads["ns"].astype(np.int64)
+    return times
+
+
+# -------------------------------------------------------------------------------------------------------- writing
+
+
+class _Sink:
+    """Appends values with their alignment, which counts from the end of the encapsulation."""
+
+    def __init__(self) -> None:
+        self.data = bytearray(_ENCAPSULATION)
+
+    def align(self, size: int) -> int:
+        """Offset of the next value of `size` bytes."""
+        self.data += bytes(-(len(self.data) - 4) % size)
+        return len(self.data)
+
+    def number(self, value: int) -> None:
+        self.align(4)
+        self.data += value.to_bytes(4, "little")
+
+    def text(self, value: str) -> None:
+        encoded = value.encode() + b"\0"
+        self.number(len(encoded))
+        self.data += encoded
+
+    def doubles(self, values: Sequence[float]) -> int:
+        """Append doubles; offset of the first one."""
+        start = self.align(8) if values else len(self.data)
+        for value in values:
+            self.data += _DOUBLE.pack(value)
+        return start
+
+    def header(self, time_ns: int, frame: str) -> None:
+        self.data += _STAMP.pack(*divmod(time_ns, NANOSECONDS))
+        self.text(frame)
+
+
+def packer(topic: Topic) -> Packer:
+    """Return a function that makes a message of `topic` from its stamp in ns and its values.
+
+    The values are those of the topic's `series`; for ``fdi/status`` one `StatusRow`. Unused fields of a JointState are
+    nan.
+    """
+    if topic.type == DIAGNOSTICS:
+        return lambda time_ns, values: pack_status(time_ns, values[0])
+    template, offsets = _template(topic)
+    fields = struct.Struct("<d")
+
+    def pack(time_ns: int, values: Sequence[float]) -> bytes:
+        _STAMP.pack_into(template, 4, *divmod(time_ns, NANOSECONDS))
+        for offset, value in zip(offsets, values, strict=True):
+            fields.pack_into(template, offset, value)
+        return bytes(template)
+
+    return pack
+
+
+def unpacker(topic: Topic) -> Callable[[bytes], tuple[int, tuple[float, ...]] | None]:
+    """Return the inverse of `packer`, for a topic that holds numbers: stamp in ns and values of a message.
+
+    It gives None for a message whose other bytes are not those that `packer` writes: from another publisher, or no
+    message of this topic at all.
+    """
+    template, offsets = _template(topic)
+    # In turn the bytes that are always the same, and a value; in a message a position comes before a velocity.
+    starts = sorted(offsets)
+    ends = [12, *(start + _DOUBLE.size for start in starts)]
+    lengths = [start - end for start, end in zip([*starts, len(template)], ends, strict=True)]
+    layout = struct.Struct("<4siI" + "d".join(f"{length}s" for length in lengths))
+    same = layout.unpack(template)[3::2]
+    places = [4 + 2 * starts.index(offset) for offset in offsets]
+
+    def unpack(data: bytes) -> tuple[int, tuple[float, ...]] | None:
+        if len(data) != layout.size:
+            return None
+        found = layout.unpack(data)
+        if found[0] != _ENCAPSULATION or found[3::2] != same:
+            return None
+        return found[1] * NANOSECONDS + found[2], tuple([found[place] for place in places])
+
+    return unpack
+
+
+def _template(topic: Topic) -> tuple[bytearray, list[int]]:
+    """A message of `topic` and where its values are."""
+    sink = _Sink()
+    if topic.type == CLOCK:
+        sink.data += _STAMP.pack(0, 0)
+        return sink.data, []
+    sink.header(0, topic.frame)
+    if topic.type in (PRESSURE, TEMPERATURE):
+        return sink.data, [sink.doubles([0.0, 0.0])]  # the value, and a variance of 0: unknown
+    if topic.type != JOINTS:
+        raise AssertionError(topic)
+    sink.number(len(topic.joints))
+    for joint in topic.joints:
+        sink.text(joint)
+    starts = {}
+    for field in ("position", "velocity", "effort"):
+        sink.number(len(topic.joints))
+        starts[field] = sink.doubles([_NAN] * len(topic.joints))
+    return sink.data, [starts[JOINT_FIELD[joint]] + 8 * i for i, joint in enumerate(topic.joints)]
+
+
+def pack_status(time_ns: int, row: StatusRow) -> bytes:
+    """``fdi/status``: numbers as the shortest text that reads back to the same bits."""
+    sink = _Sink()
+    sink.header(time_ns, "")
+    sink.number(1)
+    sink.data += b"\x01" if row.detected else b"\x00"  # WARN, OK
+    if row.isolated is not None:
+        text = f"fault isolated: {row.isolated}" + (f", {row.also_isolated}" if row.also_isolated else "")
+    else:
+        text = "fault detected, not yet isolated" if row.detected else "no fault"
+    values = {
+        "detected": "true" if row.detected else "false",
+        "isolated": row.isolated or "",
+        "also_isolated": row.also_isolated or "",
+        "size": repr(float(row.size)),
+        "onset_s": repr(float(row.onset_s)),
+        "isolated_s": repr(float(row.isolated_s)),
+        **{f"threshold/{fault}": repr(float(limit)) for fault, limit in zip(FAULTS, row.thresholds, strict=True)},
+    }
+    for word in ("fdi", text, ""):  # name, message, hardware
+        sink.text(word)
+    sink.number(len(values))
+    for key, value in values.items():
+        sink.text(key)
+        sink.text(value)
+    return bytes(sink.data)
+
+
+# -------------------------------------------------------------------------------------------------------- reading
+
+
+class _Source:
+    """Reads from left to right; whatever does not fit into the message is a ValueError, and nothing is read twice."""
+
+    def __init__(self, data: bytes) -> None:
+        if data[:4] != _ENCAPSULATION:
+            msg = f"a message that begins with {data[:4].hex() or 'nothing'} is no little-endian CDR"
+            raise ValueError(msg)
+        self.data = data
+        self.at = 4
+
+    def align(self, size: int) -> int:
+        self.at += -(self.at - 4) % size
+        return self.at
+
+    def skip(self, size: int) -> int:
+        """Offset of the next `size` bytes, which must be there."""
+        start, self.at = self.at, self.at + size
+        if self.at > len(self.data):
+            msg = f"a message of {len(self.data)} bytes ends before its content does"
+            raise ValueError(msg)
+        return start
+
+    def number(self) -> int:
+        self.align(4)
+        start = self.skip(4)
+        return int.from_bytes(self.data[start : start + 4], "little")
+
+    def count(self, smallest: int) -> int:
+        """Length of a sequence whose items take at least `smallest` bytes each."""
+        count = self.number()
+        if count * smallest > len(self.data) - self.at:
+            msg = f"a message of {len(self.data)} bytes claims to hold {count} items"
+            raise ValueError(msg)
+        return count
+
+    def text(self) -> str:
+        length = self.number()
+        start = self.skip(length)
+        return self.data[start : start + length - 1].decode(errors="replace") if length else ""
+
+    def doubles(self) -> tuple[int, int]:
+        """Offset of a sequence's first double, and how many there are."""
+        count = self.count(8)
+        start = self.align(8) if count else self.at
+        return self.skip(8 * count) if count else start, count
+
+    def header(self) -> None:
+        self.skip(8)
+        self.text()
+
+
+def value_offsets(topic: Topic, data: bytes) -> list[int]:
+    """Where the values of `topic` are in a serialised message of it.
+
+    Raises
+    ------
+    ValueError
+        When the message ends early, has other joints, or fewer values than joints.
+    """
+    source = _Source(data)
+    source.header()
+    if topic.type in (PRESSURE, TEMPERATURE):
+        source.align(8)
+        return [source.skip(8)]
+    if topic.type != JOINTS:
+        raise AssertionError(topic)
+    names = [source.text() for _ in range(source.count(4))]
+    if names != list(topic.joints):
+        msg = f"{topic.name}: joints {shortened(names)}, expected {list(topic.joints)}"
+        raise ValueError(msg)
+    fields = {field: source.doubles() for field in ("position", "velocity", "effort")}
+    offsets = []
+    for i, joint in enumerate(names):
+        start, count = fields[JOINT_FIELD[joint]]
+        if i >= count:
+            msg = f"{topic.name}: fewer values than joints"
+            raise ValueError(msg)
+        offsets.append(start + 8 * i)
+    return offsets
+
+
+def columns(topic: Topic, messages: Sequence[bytes]) -> list[NDArray[np.float64]]:
+    """Values of many messages of one topic, one array for each of its `series`."""
+    if not messages:
+        return [np.empty(0) for _ in topic.series]
+    first = messages[0]
+    offsets = value_offsets(topic, first)
+    # Same frame, same joints: the values are at the same place in every message.
+    head = first[12 : offsets[0]]
+    if any(len(data) != len(first) or data[12 : offsets[0]] != head for data in messages):
+        rows = [[_DOUBLE.unpack_from(data, offset)[0] for offset in value_offsets(topic, data)] for data in messages]
+        return [np.array(column) for column in zip(*rows, strict=True)]
+    return [
+        np.frombuffer(b"".join([data[offset : offset + 8] for data in messages]), dtype="<f8").astype(np.float64)
+        for offset in offsets
+    ]
+
+
+@dataclass(frozen=True)
+class Diagnostic:
+    """One status of a DiagnosticArray."""
+
+    name: str
+    message: str
+    values: dict[str, str]
+
+
+def read_diagnostics(data: bytes) -> list[Diagnostic]:
+    """Content of a serialised DiagnosticArray.
+
+    Raises
+    ------
+    ValueError
+        When the message ends early or holds what is no text.
+    """
+    source = _Source(data)
+    source.header()
+    found = []
+    for _ in range(source.count(1 + 3 * 4 + 4)):
+        source.skip(1)  # level
+        name, message, _hardware = source.text(), source.text(), source.text()
+        pairs = [(source.text(), source.text()) for _ in range(source.count(2 * 4))]
+        found.append(Diagnostic(name, message, dict(pairs)))
+    return found
+
+
+def status_row(values: dict[str, str], time_s: float) -> StatusRow:
+    """``fdi/status`` from its key-value pairs.
+
+    Raises
+    ------
+    ValueError
+        When they are not what `pack_status` writes.
+    """
+    try:
+        isolated, also_isolated = (values[key] or None for key in ("isolated", "also_isolated"))
+        for named in (isolated, also_isolated):
+            if named is not None and named not in FAULTS:
+                raise ValueError(named)
+        return StatusRow(
+            time_s=time_s,
+            detected={"true": True, "false": False}[values["detected"]],
+            isolated=isolated,
+            size=float(values["size"]),
+            onset_s=float(values["onset_s"]),
+            isolated_s=float(values["isolated_s"]),
+            thresholds=(float(values[f"threshold/{FAULTS[0]}"]), float(values[f"threshold/{FAULTS[1]}"])),
+            also_isolated=also_isolated,
+        )
+    except (KeyError, ValueError) as problem:
+        msg = f"fdi/status: {type(problem).__name__} {shortened(problem)}"
+        raise ValueError(msg) from None

@@ -1,0 +1,1 @@
+"""Synthesis, offline, of what the nodes load: observer, isolation filter, controller, compensators."""

@@ -1,0 +1,128 @@
+"""What no sampled controller can do better: how far p_e moves before anything of a fault has been measured.
+
+``python -m ac_design.analysis.performance_bounds`` prints the bound and what E5 reaches (`docs/control.md`).
+"""
+
+from dataclasses import replace
+
+import control
+import numpy as np
+from scipy.optimize import linprog
+
+from ac_common.units import RPM
+from ac_design.controller_weights import QUICK_GUARD, CommandLimits, CompensatorWeights, MatchingWeights
+from ac_plant_node import linearize
+from gimc.sampled import discretise
+from gimc_controller_node import design_compensator
+
+
+def smallest_peak_pa(point: str, sample_time_s: float, size_rad_s: float) -> float:
+    """Bound for the peak of |p_e - p_e,r| after a step of f_N, under any causal sampled controller.
+
+    The fault steps at a tick, right after a measurement, as the scenarios have it; one that comes between two ticks is
+    seen sooner after it, so this is the worst case. (For a controller in continuous time, as the paper's simulation has
+    it, the bound is zero.) The command of that tick cannot know of it and is held; the next one acts from the next tick
+    on, when p_e has moved by one sample of the step response. p_e cannot jump, so this is in the peak whatever the
+    controller does from then on. For a controller that knows nothing of the fault, a plant at rest, and the linear
+    plant of the operating point.
+
+    Parameters
+    ----------
+    point : str
+        "low", "med" or "high".
+    sample_time_s : float
+    size_rad_s : float
+        Size of the fault.
+
+    Returns
+    -------
+    float
+        In Pa.
+    """
+    plant = linearize(point)
+    zeros = np.zeros((1, 1))
+    speed = discretise(control.ss(plant.A, plant.B[:, :1], plant.C[:1], zeros), sample_time_s, "zoh")
+    return abs(float((speed.C @ speed.B)[0, 0]) * size_rad_s)
+
+
+def attainable_peak_pa(point: str, sample_time_s: float, size_rad_s: float, ticks: int = 60) -> float:
+    """Least peak of |p_e - p_e,r| at the ticks, by commands that know all of the fault from the first tick after it on.
+
+    A linear program over the commands of both actuators on the linear plant, within their rate limits. Where it is
+    `smallest_peak_pa`, that bound is not only valid but sharp: whoever recognises the fault in the first measurement
+    reaches it.
+
+    Parameters
+    ----------
+    point, sample_time_s, size_rad_s
+        As of `smallest_peak_pa`.
+    ticks : int
+        How far the program looks.
+
+    Returns
+    -------
+    float
+        In Pa.
+    """
+    plant = linearize(point)
+    sampled = discretise(control.ss(plant.A, plant.B[:, :2], plant.C[:1], np.zeros((1, 2))), sample_time_s, "zoh")
+    state, held = sampled.B @ np.array([size_rad_s, 0.0]), []
+    pulses = [sampled.C @ np.linalg.matrix_power(sampled.A, k) @ sampled.B for k in range(ticks)]
+    for _ in range(ticks):  # p_e at tick 1, 2, ... with the fault alone
+        held.append(float((sampled.C @ state)[0]))
+        state = sampled.A @ state + sampled.B @ np.array([size_rad_s, 0.0])
+    # Unknown: the commands of ticks 1 to n - 1, in the rates' units, and the peak in units of the size's effect.
+    stride = np.array(CommandLimits().rate) * np.array([RPM, 0.01]) * sample_time_s
+    unit, n = abs(held[0]), 2 * (ticks - 1)
+    effect = np.zeros((ticks, n + 1))
+    for row in range(ticks):
+        for column in range(row):
+            effect[row, 2 * column : 2 * column + 2] = (pulses[row - 1 - column] * stride / unit).ravel()
+    peak, free = np.zeros((1, n + 1)), np.array(held) / unit
+    peak[0, n] = 1.0
+    change = np.eye(n, n + 1) - np.eye(n, n + 1, k=-2)
+    result = linprog(
+        peak[0],
+        A_ub=np.vstack([effect - peak, -effect - peak, change, -change]),
+        b_ub=np.concatenate([-free, free, np.ones(2 * n)]),
+        bounds=(None, None),
+    )
+    if result.status != 0:
+        raise RuntimeError(f"no least peak found at {point}: {result.message}")
+    return float(result.fun) * unit
+
+
+def reached_peak_pa(point: str, sample_time_s: float, guard: MatchingWeights | None = None) -> float:
+    """Peak of |p_e - p_e,r| in E5 on the nonlinear plant, with the guard in use or with another one."""
+    from ac_common.units import KPA
+    from ac_experiments.metrics import summarise
+    from ac_experiments.scenario import load
+    from ac_experiments.simulate import designs_at, simulate
+
+    overrides = [f"operating_point={point}", f"sample_time_s={sample_time_s:g}", "duration_s=620"]
+    designs = designs_at(point, sample_time_s)
+    if guard is not None:
+        weights = replace(CompensatorWeights(), guard=guard)
+        designs = replace(designs, compensator=design_compensator(point, sample_time_s, weights))
+    metrics = summarise(simulate(load("actuator_fault", overrides), designs=designs))["metrics"]
+    return float(metrics["peak_pressure_error_kpa"]) * KPA
+
+
+def main() -> None:
+    """Print the table."""
+    print("| point | rate, Hz | bound, kPa | with all known, kPa | reached, kPa | with the quick guard, kPa |")
+    print("|---|---|---|---|---|---|")
+    for point in ("low", "med", "high"):
+        for rate_hz in (10, 20, 50, 100):
+            found = [
+                smallest_peak_pa(point, 1.0 / rate_hz, 40.0 * RPM),
+                attainable_peak_pa(point, 1.0 / rate_hz, 40.0 * RPM),
+                reached_peak_pa(point, 1.0 / rate_hz),
+                reached_peak_pa(point, 1.0 / rate_hz, QUICK_GUARD),
+            ]
+            cells = " | ".join(f"{peak / 1e3:.2f}" for peak in found)
+            print(f"| {point} | {rate_hz} | {cells} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

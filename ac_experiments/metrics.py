@@ -1,0 +1,306 @@
+"""What a run amounts to, in the numbers of `summary.json`: the same function for a bag and for a simulation."""
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ac_common.errors import BringupError
+from ac_common.files import write_whole
+from ac_common.topics import FAULTS
+from ac_common.units import FAULT_UNITS, KPA, RPM
+from ac_experiments.recording import Recording, StatusRow
+
+#: "At rest" and "just before" are averages over this long, s.
+WINDOW_S = 20.0
+#: A detection this long after a fault has gone away still belongs to it, s.
+GRACE_S = 60.0
+#: The actual p_e is back when it stays this near to its reference, kPa (0.1 % of p_e at the medium point), and so many
+#: standard deviations of what it did just before the fault: with noise it is never quieter than that.
+SETTLED_KPA, SETTLED_DEVIATIONS = 0.25, 4.0
+
+_TRUTH = {"compressor_speed": "fault/compressor_speed:compressor", "evaporator_pressure": "fault/evaporator_pressure"}
+
+
+@dataclass(frozen=True)
+class InjectedFault:
+    """One fault of a run: `size` in SI (rad/s or Pa), `end_s` nan when it stayed."""
+
+    kind: str
+    onset_s: float
+    end_s: float
+    size: float
+
+
+def summarise(recording: Recording) -> dict[str, Any]:
+    """Key figures of a run.
+
+    Returns
+    -------
+    dict
+        Ready for JSON (what could not be computed is None):
+
+        ``scenario``, ``mode``, ``passive``, ``ticks``, ``sample_time_s``, ``wall_seconds``, ``real_time_factor``
+        (simulated over wall time), ``missed_ticks``, ``overruns`` (by node: ticks whose own work took longer than a
+        sample time; nodes with none are left out), ``complete`` (False for a recording cut short).
+
+        ``faults``: a list in order of onset, each with ``kind``, ``onset_s``, ``end_s`` (None: it stayed), ``size``,
+        ``unit`` (of `size` and `estimate`: rpm or kPa), ``detected_s`` (first detection after the onset),
+        ``isolated_s``, ``isolated_as`` (the first fault named after the onset), ``estimate`` (the detector's size of
+        that fault, averaged over the last 20 s of its isolation); and, until the next fault, of the *actual* p_e minus
+        its reference: ``peak_pressure_error_kpa``, the largest magnitude, and ``settled_s``, from when on it stays
+        within ``settled_within_kpa`` (the onset itself when it never leaves that; None when it does not come back):
+        `SETTLED_KPA` and, with noise, `SETTLED_DEVIATIONS` of the 20 s before the fault.
+
+        ``false_alarms``: detections that begin while no fault is present nor was within the last 60 s, plus isolations
+        that name a fault that is not there although another one is.
+
+        ``restarts``: of nodes that had died, each with ``node``, ``died_s``, ``back_s`` (None: not within the run),
+        ``reason``. ``events``: what nodes announced (a missing input, a protection that acts, and the end of it), each
+        with ``time_s``, ``node``, ``what``.
+
+        ``metrics``:
+
+        - ``command_change_rpm``: compressor speed commanded, mean of the last 20 s of the run minus mean of the 20 s
+          before the last fault's onset (without a fault: minus mean of the first 20 s).
+        - ``peak_pressure_error_kpa``: largest magnitude of *actual* p_e minus its reference from the first fault's
+          onset on (without a fault: over the whole run). Also ``peak_superheat_error_k``.
+        - ``steady_pressure_error_kpa``: the same difference, with its sign, averaged over the last 20 s. Also
+          ``steady_superheat_error_k``.
+
+    Raises
+    ------
+    BringupError
+        When the recording holds no tick.
+    """
+    time_s, series, about = recording.time_s, recording.series, recording.metadata
+    if len(time_s) == 0:
+        msg = "the recording holds no tick"
+        raise BringupError(msg)
+    faults = injected_faults(recording)
+    first_onset_s = min((fault.onset_s for fault in faults), default=float(time_s[0]))
+    last_onset_s = max((fault.onset_s for fault in faults), default=float(time_s[0]) + WINDOW_S)
+
+    after = time_s >= first_onset_s
+    at_rest = time_s > time_s[-1] - WINDOW_S
+    before = (time_s >= last_onset_s - WINDOW_S) & (time_s < last_onset_s)
+    if not before.any():
+        before = time_s == time_s[0]
+    command_rpm = series["controller/command:compressor"] / RPM
+    pressure_error_kpa = (series["plant/evaporator_pressure"] - series["reference/evaporator_pressure"]) / KPA
+    superheat_error_k = series["plant/superheat"] - series["reference/superheat"]
+
+    sample_time_s = float(about["sample_time_s"])
+    wall_seconds = about.get("wall_seconds")
+    return {
+        "scenario": about["scenario"]["name"],
+        "mode": about["mode"],
+        "passive": bool(about["passive"]),
+        "ticks": len(time_s),
+        "sample_time_s": sample_time_s,
+        "wall_seconds": wall_seconds,
+        "real_time_factor": len(time_s) * sample_time_s / wall_seconds if wall_seconds else None,
+        "missed_ticks": int(about.get("missed_ticks") or 0),
+        "overruns": {node: count for node, count in about.get("overruns", {}).items() if count},
+        "complete": bool(about.get("complete", True)),
+        "faults": fault_summaries(recording),
+        "false_alarms": false_alarms(recording),
+        "restarts": [_with_numbers(restart) for restart in about.get("restarts", [])],
+        "events": about.get("events", []),
+        "metrics": {
+            "command_change_rpm": _number(_mean(command_rpm[at_rest]) - _mean(command_rpm[before])),
+            "peak_pressure_error_kpa": _number(_peak(pressure_error_kpa[after])),
+            "steady_pressure_error_kpa": _number(_mean(pressure_error_kpa[at_rest])),
+            "peak_superheat_error_k": _number(_peak(superheat_error_k[after])),
+            "steady_superheat_error_k": _number(_mean(superheat_error_k[at_rest])),
+        },
+    }
+
+
+def _with_numbers(row: dict[str, Any]) -> dict[str, Any]:
+    """What JSON can hold: None in place of nan."""
+    return {key: None if isinstance(value, float) and math.isnan(value) else value for key, value in row.items()}
+
+
+def write_summary(summary: dict[str, Any], path: Path) -> None:
+    """Write `summary` as JSON, readable and strict (no NaN)."""
+    write_whole(path, json.dumps(summary, indent=2, allow_nan=False) + "\n")
+
+
+def injected_faults(recording: Recording) -> list[InjectedFault]:
+    """Faults that were really injected, in order of onset.
+
+    Those of the scenario when they explain the recorded truth; what was injected live besides is read off the truth
+    itself: from where it leaves zero until it is back there for longer than the grace time.
+    """
+    time_s = recording.time_s
+    found = []
+    for kind in FAULTS:
+        truth = recording.series[_TRUTH[kind]]
+        truth = np.where(np.isfinite(truth), truth, 0.0)
+        planned = recording.series["scenario/" + _TRUTH[kind]]
+        planned = np.where(np.isfinite(planned), planned, 0.0)
+        if np.array_equal(truth, planned):
+            found += [fault for fault in _scheduled(recording) if fault.kind == kind]
+        else:
+            found += [_read_off(kind, time_s, truth, start, stop) for start, stop in _episodes(time_s, truth != 0.0)]
+    return sorted(found, key=lambda fault: fault.onset_s)
+
+
+def fault_summaries(recording: Recording) -> list[dict[str, Any]]:
+    """List what came of each fault: the entry ``faults`` of `summarise`."""
+    faults = injected_faults(recording)
+    return [_fault_summary(recording, faults, number) for number in range(len(faults))]
+
+
+def false_alarms(recording: Recording) -> int:
+    """Count detections without a fault, and isolations that name the wrong one; see `summarise`."""
+    faults = injected_faults(recording)
+
+    def present(time_s: float, kind: str | None = None) -> bool:
+        return any(
+            fault.onset_s <= time_s and not time_s > fault.end_s + GRACE_S
+            for fault in faults
+            if kind is None or fault.kind == kind
+        )
+
+    count = 0
+    detected, false_episode, isolated = False, False, None
+    for row in recording.status:
+        if row.detected and not detected:
+            false_episode = not present(row.time_s)
+            count += false_episode
+        named = row.isolated is not None and row.isolated != isolated
+        if named and not false_episode and not present(row.time_s, row.isolated):
+            count += 1
+        detected, isolated = row.detected, row.isolated
+    return count
+
+
+def _scheduled(recording: Recording) -> list[InjectedFault]:
+    """Faults of the scenario whose onset lies within what was recorded."""
+    sizes = {"compressor_speed": "size_rpm", "evaporator_pressure": "size_kpa"}
+    return [
+        InjectedFault(
+            kind=fault["kind"],
+            onset_s=float(fault["onset_s"]),
+            end_s=math.nan if fault.get("end_s") is None else float(fault["end_s"]),
+            size=float(fault[sizes[fault["kind"]]]) * FAULT_UNITS[fault["kind"]][1],
+        )
+        for fault in recording.metadata["scenario"].get("faults", [])
+        if fault["onset_s"] <= recording.time_s[-1]
+    ]
+
+
+def _read_off(
+    kind: str, time_s: NDArray[np.float64], truth: NDArray[np.float64], start: int, stop: int
+) -> InjectedFault:
+    """Fault between two ticks; its size is the value of largest magnitude."""
+    values = truth[start:stop]
+    return InjectedFault(
+        kind=kind,
+        onset_s=float(time_s[start]),
+        end_s=math.nan if stop == len(truth) else float(time_s[stop]),
+        size=float(values[np.argmax(np.abs(values))]),
+    )
+
+
+def _episodes(time_s: NDArray[np.float64], holds: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Half-open index ranges where `holds`, those closer together than the grace time taken as one."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8)))
+    ranges: list[tuple[int, int]] = []
+    for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        if ranges and time_s[start] - time_s[ranges[-1][1]] < GRACE_S:
+            ranges[-1] = (ranges[-1][0], stop)
+        else:
+            ranges.append((start, stop))
+    return ranges
+
+
+def _fault_summary(recording: Recording, faults: list[InjectedFault], number: int) -> dict[str, Any]:
+    """One entry of ``faults``: what was injected, and what the detector made of it before the next fault came."""
+    fault = faults[number]
+    until_s = faults[number + 1].onset_s if number + 1 < len(faults) else math.inf
+    before = [row for row in recording.status if row.time_s < fault.onset_s]
+    rows = [row for row in recording.status if fault.onset_s <= row.time_s < until_s]
+    was_detected = bool(before) and before[-1].detected
+    was_isolated = before[-1].isolated if before else None
+
+    isolation = next((row for row in rows if row.isolated is not None and row.isolated != was_isolated), None)
+    # While an earlier fault is still detected, a new one shows first when it is named.
+    detection = isolation if was_detected else next((row for row in rows if row.detected), None)
+    unit, in_si = FAULT_UNITS[fault.kind]
+    within_kpa = _usual_error_kpa(recording, fault.onset_s)
+    peak_kpa, settled_s = _pressure_error(recording, fault.onset_s, until_s, within_kpa)
+    return {
+        "kind": fault.kind,
+        "onset_s": fault.onset_s,
+        "end_s": _number(fault.end_s),
+        "size": fault.size / in_si,
+        "unit": unit,
+        "detected_s": detection.time_s if detection else None,
+        "isolated_s": isolation.time_s if isolation else None,
+        "isolated_as": isolation.isolated if isolation else None,
+        "estimate": _estimate(rows, isolation),
+        "peak_pressure_error_kpa": peak_kpa,
+        "settled_s": settled_s,
+        "settled_within_kpa": within_kpa,
+    }
+
+
+def _usual_error_kpa(recording: Recording, onset_s: float) -> float:
+    """How far the actual p_e may be from its reference and count as back there."""
+    series, time_s = recording.series, recording.time_s
+    before = (time_s >= onset_s - WINDOW_S) & (time_s < onset_s)
+    error = (series["plant/evaporator_pressure"] - series["reference/evaporator_pressure"])[before] / KPA
+    error = error[np.isfinite(error)]
+    return SETTLED_KPA + (SETTLED_DEVIATIONS * float(error.std()) if len(error) else 0.0)
+
+
+def _pressure_error(
+    recording: Recording, start_s: float, stop_s: float, within_kpa: float
+) -> tuple[float | None, float | None]:
+    """Peak of the actual p_e off its reference, kPa, and from when on it stays within a band; between two times."""
+    series, time_s = recording.series, recording.time_s
+    inside = (time_s >= start_s) & (time_s < stop_s)
+    error_kpa = np.abs(series["plant/evaporator_pressure"] - series["reference/evaporator_pressure"])[inside] / KPA
+    known = np.isfinite(error_kpa)
+    error_kpa, time_s = error_kpa[known], time_s[inside][known]
+    if not len(error_kpa):
+        return None, None
+    off = np.flatnonzero(error_kpa > within_kpa)
+    if not len(off):
+        settled_s: float | None = start_s
+    elif off[-1] + 1 < len(time_s):
+        settled_s = float(time_s[off[-1] + 1])
+    else:
+        settled_s = None
+    return float(error_kpa.max()), settled_s
+
+
+def _estimate(rows: list[StatusRow], isolation: StatusRow | None) -> float | None:
+    """Size given by the detector, in rpm or kPa, averaged over the last 20 s in which that fault was isolated."""
+    if isolation is None or isolation.isolated is None:
+        return None
+    named = [row for row in rows if row.isolated == isolation.isolated and row.time_s >= isolation.time_s]
+    last = [row.size for row in named if row.time_s > named[-1].time_s - WINDOW_S]
+    return _number(_mean(np.array(last)) / FAULT_UNITS[isolation.isolated][1])
+
+
+def _mean(values: NDArray[np.float64]) -> float:
+    finite = values[np.isfinite(values)]
+    return float(finite.mean()) if len(finite) else math.nan
+
+
+def _peak(values: NDArray[np.float64]) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.abs(finite).max()) if len(finite) else math.nan
+
+
+def _number(value: float) -> float | None:
+    """`value`, or None where there is none: JSON knows no NaN."""
+    return value if math.isfinite(value) else None

@@ -1,0 +1,141 @@
+"""A run told in words: what happened, what was seen of it, what came of it."""
+
+import html
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ac_experiments.report.nodes import Event
+
+GOOD, BAD, PLAIN = "good", "bad", "plain"
+
+_BEGINNINGS = {
+    ("compressor_speed", True): "the compressor {begins} to turn {size:g} rpm faster than commanded",
+    ("compressor_speed", False): "the compressor {begins} to turn {size:g} rpm slower than commanded",
+    ("evaporator_pressure", True): "the sensor of the evaporator pressure {begins} to read {size:g} kPa too high",
+    ("evaporator_pressure", False): "the sensor of the evaporator pressure {begins} to read {size:g} kPa too low",
+}
+_KINDS = {
+    "compressor_speed": "a fault of the compressor speed",
+    "evaporator_pressure": "a fault of the pressure sensor",
+}
+_UNITS = {"compressor_speed": "rpm", "evaporator_pressure": "kPa"}
+
+
+@dataclass(frozen=True)
+class Sentence:
+    """One line of the story: whether it tells of something good, and its text (plain, no HTML)."""
+
+    kind: str
+    text: str
+
+
+def story(
+    summary: Mapping[str, Any], other: Mapping[str, Any] | None = None, events: Sequence[Event] = ()
+) -> list[Sentence]:
+    """Tell a run in a few sentences.
+
+    Parameters
+    ----------
+    summary
+        Of the run (`ac_experiments.metrics.summarise`).
+    other
+        Of the run beside it, with the other kind of control.
+    events
+        What the nodes reported.
+    """
+    told = []
+    for number, fault in enumerate(summary["faults"]):
+        beside = other["faults"][number] if other and number < len(other["faults"]) else None
+        told += _fault(fault, summary["passive"], beside)
+    if not summary["faults"]:
+        told.append(Sentence(PLAIN, "No fault was injected."))
+    told.append(_at_rest(summary))
+    alarms = summary["false_alarms"]
+    told.append(
+        Sentence(GOOD, "No false alarm.")
+        if alarms == 0
+        else Sentence(BAD, f"{alarms} false alarm{'s' if alarms > 1 else ''}: no such fault was there.")
+    )
+    if not summary["complete"]:
+        told.append(Sentence(BAD, "The recording was cut short; the figures cover what is there."))
+    missed = summary["missed_ticks"]
+    if missed:
+        told.append(Sentence(BAD, f"{missed} of {summary['ticks']} ticks came without a new command in time."))
+    if events:
+        nodes = sorted({event.node for event in events})
+        what = "1 event" if len(events) == 1 else f"{len(events)} events"
+        told.append(Sentence(BAD, f"{what} reported by {', '.join(nodes)}: see Events."))
+    return told
+
+
+def _fault(fault: Mapping[str, Any], passive: bool, beside: Mapping[str, Any] | None) -> list[Sentence]:
+    size = fault["size"]
+    begins = _BEGINNINGS[fault["kind"], size >= 0].format(begins="begins", size=abs(size))
+    until = "" if fault["end_s"] is None else f"; until {fault['end_s']:g} s"
+    told = [Sentence(PLAIN, f"At {fault['onset_s']:g} s {begins}{until}.")]
+    told.append(_diagnosis(fault))
+    told.append(_effect(fault, passive, beside))
+    return told
+
+
+def _diagnosis(fault: Mapping[str, Any]) -> Sentence:
+    if fault["detected_s"] is None:
+        return Sentence(BAD, "It was not detected.")
+    seen = f"Detected {fault['detected_s'] - fault['onset_s']:.1f} s later"
+    named = fault["isolated_as"]
+    if named is None:
+        return Sentence(BAD, f"{seen}, but not isolated.")
+    after = fault["isolated_s"] - fault["onset_s"]
+    if named != fault["kind"]:
+        return Sentence(BAD, f"{seen}, but isolated wrongly, after {after:.1f} s, as {_KINDS[named]}.")
+    size = "" if fault["estimate"] is None else f"; its size was estimated as {fault['estimate']:.1f} {_UNITS[named]}"
+    return Sentence(GOOD, f"{seen}, isolated as {_KINDS[named]} after {after:.1f} s{size}.")
+
+
+def _effect(fault: Mapping[str, Any], passive: bool, beside: Mapping[str, Any] | None) -> Sentence:
+    """What it did to the actual evaporator pressure, beside what it does with the other kind of control."""
+    if fault["peak_pressure_error_kpa"] is None:
+        return Sentence(PLAIN, "What it did to the evaporator pressure was not recorded.")
+    text = f"The actual evaporator pressure {_course(fault)}."
+    if beside is not None and beside["peak_pressure_error_kpa"] is not None:
+        text += f" {'With' if passive else 'Without'} accommodation it {_course(beside)}."
+    return Sentence(PLAIN if fault["settled_s"] is not None else BAD, text)
+
+
+def _course(fault: Mapping[str, Any]) -> str:
+    peak = f"{fault['peak_pressure_error_kpa']:.2f} kPa"
+    within = f"{fault['settled_within_kpa']:.2f} kPa"
+    if fault["settled_s"] is None:
+        return f"left its reference by up to {peak} and did not come back to within {within}"
+    after = fault["settled_s"] - fault["onset_s"]
+    if after <= 0.0:
+        return f"stayed within {peak} of its reference"
+    return f"left its reference by up to {peak} and was back within {within} for good after {after:.1f} s"
+
+
+def _at_rest(summary: Mapping[str, Any]) -> Sentence:
+    metrics = summary["metrics"]
+    change, error = metrics["command_change_rpm"], metrics["steady_pressure_error_kpa"]
+    parts = []
+    if change is not None and summary["faults"]:
+        parts.append(
+            f"the compressor is commanded {_signed(change, 'rpm', 'faster', 'slower')} than before the last fault"
+        )
+    if error is not None:
+        parts.append(f"the actual evaporator pressure is {_signed(error, 'kPa', 'above', 'below', 2)} its reference")
+    return Sentence(PLAIN, f"At the end {' and '.join(parts)}." if parts else "Nothing is known of the end.")
+
+
+def _signed(value: float, unit: str, more: str, less: str, digits: int = 1) -> str:
+    return f"{abs(value):.{digits}f} {unit} {more if value >= 0 else less}"
+
+
+def as_html(told: Sequence[Sentence]) -> str:
+    """The story as a list; what is good or bad is told by a sign as well as by colour."""
+    signs = {GOOD: "✓", BAD: "✗", PLAIN: "·"}
+    items = [
+        f"<li class={one.kind}><span aria-hidden=true>{signs[one.kind]}</span><div>{html.escape(one.text)}</div></li>"
+        for one in told
+    ]
+    return f"<ul class=story>{''.join(items)}</ul>"

@@ -1,0 +1,342 @@
+"""What is shown of a run: which signals, in which unit, in which colour, and the instants that matter."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ac_common.topics import FAULTS
+from ac_common.units import KPA, RPM
+from ac_experiments.metrics import fault_summaries
+from ac_experiments.recording import Recording
+from ac_experiments.report.charts import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    Chart,
+    Curve,
+    Mark,
+    Points,
+    kept_ticks,
+    spaced,
+)
+
+#: Time that is shown around a fault: from before its onset to after it, s.
+BEFORE_S, AFTER_S = 20.0, 100.0
+#: The panels that tell what a fault does, in the order in which they are read, two in a row.
+STORY = ("p_e", "SH", "N", "valve", "r_N", "r_p", "q_N", "q_valve")
+
+ONSET, DETECTED, ISOLATED, ENDED = "fault begins", "detected", "isolated", "fault ends"
+SETTLED = "p<sub>e</sub> back at its reference"
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of a panel: the signal, how it is called and how it looks."""
+
+    key: str
+    name: str
+    colour: str
+    dash: str = "solid"
+    width: float = 1.8
+    step: bool = False
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One plot of a run: scale from SI, lines of the run itself and of the run beside it, drawn in this order."""
+
+    key: str
+    title: str
+    y_title: str
+    per_unit: float
+    own: tuple[Line, ...]
+    beside: tuple[Line, ...] = ()
+    digits: str = ".4g"
+    least_range: float = 0.1
+    fault: str | None = None
+
+
+def charts_of(
+    recording: Recording,
+    beside: Recording | None = None,
+    keys: Sequence[str] = (),
+    window_s: tuple[float, float] | None = None,
+) -> list[Chart]:
+    """Plots of a run.
+
+    Parameters
+    ----------
+    recording
+        The run.
+    beside
+        A run of the same scenario with the other kind of control, drawn into the same plots, or None.
+    keys
+        Which panels, in this order (see `panels_of`); those that this run does not have are left out. Empty: all.
+    window_s
+        From when to when, s; None: the whole run.
+    """
+    panels = panels_of(recording, beside is not None)
+    if keys:
+        panels = [panel for key in keys for panel in panels if panel.key == key]
+    marks = marks_of(recording)
+    start_s, stop_s = window_s or (0.0, math.inf)
+    # The last sample lasts until the next would come, so a run of 1000 s ends at 1000.
+    end_s = float(recording.time_s[-1] + recording.metadata["sample_time_s"])
+    start_s, stop_s = max(start_s, float(recording.time_s[0])), min(stop_s, end_s)
+    own_ticks = _ticks(recording, start_s, stop_s, [line for panel in panels for line in panel.own])
+    other_ticks = None
+    if beside is not None:
+        other_ticks = _ticks(beside, start_s, stop_s, [line for panel in panels for line in panel.beside])
+    return [
+        Chart(
+            title=panel.title,
+            y_title=panel.y_title,
+            curves=_curves(panel, recording, own_ticks, beside, other_ticks),
+            x_range=(start_s, stop_s),
+            y_range=_range(panel, recording, own_ticks, beside, other_ticks),
+            marks=[mark for mark in marks if start_s <= mark.at <= stop_s],
+            points=_decisions(panel, recording, start_s, stop_s),
+        )
+        for panel in panels
+    ]
+
+
+def panels_of(recording: Recording, both: bool) -> list[Panel]:
+    """List the panels of a run, drawn beside another run or not.
+
+    p_e, SH, N, valve, r_N, r_p; q_N, q_valve when a compensator acts; T_w, p_c; air_flow, air_inlet when they move.
+    """
+    passive = bool(recording.metadata["passive"])
+    ours, theirs = ("passive", "active") if passive else ("active", "passive")
+    own, soft = (VERMILION, ORANGE) if passive else (BLUE, SKY)
+    other = BLUE if passive else VERMILION
+    tag = f", {ours}" if both else ""
+
+    def output(key: str, signal: str, title: str, y_title: str, per_unit: float, *more: Line) -> Panel:
+        own_lines = (
+            Line(f"measured/{signal}", f"measured{tag}", soft, width=1.4),
+            Line(f"plant/{signal}", f"actual{tag}", own, width=2.2),
+        )
+        return Panel(
+            key,
+            title,
+            y_title,
+            per_unit,
+            (*own_lines, *more),
+            (Line(f"plant/{signal}", f"actual, {theirs}", other, "dashdot"),),
+        )
+
+    def input_(key: str, joint: str, title: str, y_title: str, per_unit: float) -> Panel:
+        own_lines = (
+            Line(f"actuator/command:{joint}", f"reached the plant{tag}", soft, width=1.4, step=True),
+            Line(f"controller/command:{joint}", f"commanded{tag}", own, width=2.2, step=True),
+        )
+        beside = (Line(f"controller/command:{joint}", f"commanded, {theirs}", other, "dashdot", step=True),)
+        return Panel(key, title, y_title, per_unit, own_lines, beside)
+
+    def residual(key: str, kind: str, signal: str, title: str, y_title: str, per_unit: float) -> Panel:
+        own_lines = (
+            Line(f"fault/{signal}", "fault injected", BLACK, "dash", 1.4, step=True),
+            Line(f"fdi/residual/{signal}", "residual", own, width=2.2),
+        )
+        return Panel(key, title, y_title, per_unit, own_lines, fault=kind)
+
+    reference = partial(Line, name="reference", colour=BLACK, dash="dash", width=1.2)
+    panels = [
+        output(
+            "p_e",
+            "evaporator_pressure",
+            "Evaporator pressure",
+            "p<sub>e</sub>, kPa",
+            KPA,
+            reference("reference/evaporator_pressure"),
+        ),
+        output("SH", "superheat", "Superheat", "SH, K", 1.0, reference("reference/superheat")),
+        input_("N", "compressor", "Compressor speed", "N, rpm", RPM),
+        input_("valve", "expansion_valve", "Expansion valve", "opening, %", 0.01),
+        residual(
+            "r_N",
+            "compressor_speed",
+            "compressor_speed:compressor",
+            "Residual of the compressor speed",
+            "r<sub>N</sub>, rpm",
+            RPM,
+        ),
+        residual(
+            "r_p",
+            "evaporator_pressure",
+            "evaporator_pressure",
+            "Residual of the pressure sensor",
+            "r<sub>p</sub>, kPa",
+            KPA,
+        ),
+    ]
+    if _acts(recording, "compensator/q:compressor") or _acts(recording, "compensator/q:expansion_valve"):
+        for key, joint, title, y_title, per_unit, least in (
+            ("q_N", "compressor", "Compensator, compressor speed", "q<sub>N</sub>, rpm", RPM, 1.0),
+            ("q_valve", "expansion_valve", "Compensator, valve", "q<sub>valve</sub>, %", 0.01, 0.1),
+        ):
+            q = Line(f"compensator/q:{joint}", f"q{tag}", own, width=2.2, step=True)
+            panels.append(Panel(key, title, y_title, per_unit, (q,), least_range=least))
+    panels.append(output("T_w", "wall_temperature", "Wall temperature", "T<sub>w</sub>, °C", 1.0))
+    p_c = Line("plant/condenser_pressure", f"actual{tag}", own, width=2.2)
+    p_c_beside = Line("plant/condenser_pressure", f"actual, {theirs}", other, "dashdot")
+    panels.append(Panel("p_c", "Condenser pressure", "p<sub>c</sub>, kPa", KPA, (p_c,), (p_c_beside,), least_range=1.0))
+    if _varies(recording, "scenario/air:evaporator_air"):
+        flow = Line("scenario/air:evaporator_air", "air flow", GREEN, step=True)
+        panels.append(Panel("air_flow", "Evaporator air flow", "m<sub>ea</sub>, kg/s", 1.0, (flow,), least_range=0.001))
+    if _varies(recording, "scenario/air_inlet_temperature"):
+        inlet = Line("scenario/air_inlet_temperature", "air inlet", GREEN, step=True)
+        panels.append(Panel("air_inlet", "Evaporator air inlet", "T<sub>ea</sub>, °C", 1.0, (inlet,)))
+    return panels
+
+
+def around(fault_onset_s: float) -> tuple[float, float]:
+    """Give the stretch of time to show around a fault."""
+    return fault_onset_s - BEFORE_S, fault_onset_s + AFTER_S
+
+
+def marks_of(recording: Recording) -> list[Mark]:
+    """Instants that every plot marks: a fault's onset and end, detection, isolation, and when p_e is back for good."""
+    acts = "" if recording.metadata["passive"] else ", its Q takes over"
+    marks = []
+    for fault in fault_summaries(recording):
+        marks.append(Mark(fault["onset_s"], ONSET, BLACK, "dash"))
+        if fault["end_s"] is not None:
+            marks.append(Mark(fault["end_s"], ENDED, GREY, "dash"))
+        if fault["settled_s"] is not None and fault["settled_s"] > fault["onset_s"]:
+            marks.append(Mark(fault["settled_s"], SETTLED, GREEN, "dashdot"))
+    detections, isolations = instants(recording)
+    marks += [Mark(at, DETECTED, PURPLE, "dot") for at in detections]
+    marks += [Mark(at, ISOLATED + acts, GREEN, "solid") for at, _ in isolations]
+    order = (ONSET, DETECTED, ISOLATED + acts, SETTLED, ENDED)
+    return sorted(marks, key=lambda mark: (order.index(mark.name), mark.at))
+
+
+def instants(recording: Recording) -> tuple[list[float], list[tuple[float, str]]]:
+    """Find when detections begin, s, and when a fault is named: (s, which)."""
+    detections: list[float] = []
+    isolations: list[tuple[float, str]] = []
+    detected, isolated = False, None
+    for row in recording.status:
+        if row.detected and not detected:
+            detections.append(row.time_s)
+        if row.isolated is not None and row.isolated != isolated:
+            isolations.append((row.time_s, row.isolated))
+        detected, isolated = row.detected, row.isolated
+    return detections, isolations
+
+
+def cut(recording: Recording, stop_s: float) -> Recording:
+    """Leave out what came after `stop_s`."""
+    keep = recording.time_s <= stop_s
+    return replace(
+        recording,
+        time_s=recording.time_s[keep],
+        series={key: values[keep] for key, values in recording.series.items()},
+        status=[row for row in recording.status if row.time_s <= stop_s],
+    )
+
+
+# ------------------------------------------------------------------------------------------------------- details
+
+
+def _curves(
+    panel: Panel,
+    recording: Recording,
+    ticks: NDArray[np.int_],
+    beside: Recording | None,
+    other_ticks: NDArray[np.int_] | None,
+) -> list[Curve]:
+    """Lines of a panel; the run beside lies underneath, thresholds on top."""
+
+    def curve(run: Recording, line: Line, at: NDArray[np.int_]) -> Curve:
+        values = run.series[line.key][at] / panel.per_unit
+        return Curve(run.time_s[at], values, line.name, line.colour, line.dash, line.width, line.step, panel.digits)
+
+    curves = []
+    if beside is not None and other_ticks is not None:
+        curves += [curve(beside, line, other_ticks) for line in panel.beside]
+    curves += [curve(recording, line, ticks) for line in panel.own]
+    if panel.fault is not None and recording.status:
+        curves += _thresholds(recording, panel)
+    return curves
+
+
+def _thresholds(recording: Recording, panel: Panel) -> list[Curve]:
+    index = FAULTS.index(panel.fault or "")
+    times = np.array([row.time_s for row in recording.status])
+    threshold = np.array([row.thresholds[index] for row in recording.status]) / panel.per_unit
+    changes = np.concatenate([[True], np.diff(threshold) != 0.0])
+    changes[-1] = True
+    return [
+        Curve(times[changes], sign * threshold[changes], "threshold" if sign > 0 else "", GREY, "dot", 1.2, True)
+        for sign in (1.0, -1.0)
+    ]
+
+
+def _decisions(panel: Panel, recording: Recording, start_s: float, stop_s: float) -> list[Points]:
+    """Detection and isolation as points on the residual that they are about."""
+    if panel.fault is None:
+        return []
+    detections, isolations = instants(recording)
+    named = [at for at, kind in isolations if kind == panel.fault]
+    # A detection belongs to the residual whose fault is named next.
+    seen = [at for at in detections if next((kind for when, kind in isolations if when >= at), None) == panel.fault]
+    residual = recording.series[panel.own[1].key] / panel.per_unit
+    found = []
+    for name, symbol, colour, times in ((DETECTED, "triangle", PURPLE, seen), (ISOLATED, "diamond", GREEN, named)):
+        inside = [at for at in times if start_s <= at <= stop_s]
+        if inside:
+            y = np.interp(inside, recording.time_s, residual).tolist()
+            found.append(Points(inside, y, name, symbol, colour))
+    return found
+
+
+def _ticks(run: Recording, start_s: float, stop_s: float, lines: Sequence[Line]) -> NDArray[np.int_]:
+    """Ticks of a run that plots of these lines from `start_s` to `stop_s` need."""
+    inside = np.flatnonzero((run.time_s >= start_s) & (run.time_s <= stop_s))
+    signals = [(run.series[line.key][inside], line.step) for line in lines]
+    return inside[kept_ticks(run.time_s[inside], signals)] if len(inside) else inside
+
+
+def _range(
+    panel: Panel,
+    recording: Recording,
+    ticks: NDArray[np.int_],
+    beside: Recording | None,
+    other_ticks: NDArray[np.int_] | None,
+) -> tuple[float, float] | None:
+    """Range of a panel's axis over what is shown, in its unit; None when there is nothing to show."""
+    lines = [recording.series[line.key][ticks] for line in panel.own]
+    if beside is not None and other_ticks is not None:
+        lines += [beside.series[line.key][other_ticks] for line in panel.beside]
+    values = np.concatenate(lines) / panel.per_unit
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return None
+    low, high = float(values.min()), float(values.max())
+    least = max(panel.least_range, 1e-3 * abs(high))
+    if panel.fault is not None and recording.status:
+        threshold = recording.status[-1].thresholds[FAULTS.index(panel.fault)] / panel.per_unit
+        low, high = min(low, -threshold), max(high, threshold)
+    return spaced(low, high, least)
+
+
+def _varies(recording: Recording, key: str) -> bool:
+    values = recording.series[key]
+    values = values[np.isfinite(values)]
+    return bool(len(values)) and bool(values.max() > values.min())
+
+
+def _acts(recording: Recording, key: str) -> bool:
+    return bool(np.nan_to_num(recording.series[key]).any())

@@ -1,0 +1,177 @@
+"""Plots for the page: zoom, pan and hover, by plotly."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+from numpy.typing import NDArray
+
+from ac_experiments.report.charts import BLACK, GREY, Chart, Curve, Points
+
+_FONT = '"DejaVu Sans", system-ui, sans-serif'
+_PLOT_PX, _GAP_PX, _TOP_PX, _BOTTOM_PX = 170, 104, 96, 50
+_COLUMN_GAP = 0.085
+_SYMBOLS = {"triangle": ("triangle-up-open", 14), "diamond": ("diamond", 10)}
+
+
+def figure(charts: Sequence[Chart], columns: int = 2) -> Any:
+    """All `charts` in one figure, row by row in `columns`; those in a column zoom along x together.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+        A legend above each plot, and one for the marks of all above the whole.
+    """
+    rows = math.ceil(len(charts) / columns)
+    height = _TOP_PX + rows * (_PLOT_PX + _GAP_PX) - _GAP_PX + _BOTTOM_PX
+    drawn = go.Figure()
+    layout: dict[str, Any] = {}
+    for number, chart in enumerate(charts):
+        row, column = divmod(number, columns)
+        axis = "" if number == 0 else str(number + 1)
+        area = height - _TOP_PX - _BOTTOM_PX
+        top = 1.0 - row * (_PLOT_PX + _GAP_PX) / area
+        bottom = top - _PLOT_PX / area
+        width = (1.0 - (columns - 1) * _COLUMN_GAP) / columns
+        left = column * (width + _COLUMN_GAP)
+        layout |= _axes(chart, axis, (left, left + width), (max(bottom, 0.0), top))
+        layout[f"legend{axis}"] = {
+            "orientation": "h",
+            "x": left,
+            "xanchor": "left",
+            "y": top + 4 / area,
+            "yanchor": "bottom",
+            "font": {"size": 11},
+            "itemsizing": "trace",
+        }
+        drawn.add_annotation(
+            text=f"<b>{chart.title}</b>",
+            x=left,
+            y=top + 26 / area,
+            xref="paper",
+            yref="paper",
+            xanchor="left",
+            yanchor="bottom",
+            showarrow=False,
+            font={"size": 13},
+        )
+        for rank, curve in enumerate(chart.curves):
+            drawn.add_trace(_line(curve, axis, 30 - rank))  # listed from the one on top down
+        for points in chart.points:
+            drawn.add_trace(_markers(points, axis))
+        for mark in chart.marks:
+            drawn.add_shape(
+                type="line",
+                x0=mark.at,
+                x1=mark.at,
+                y0=0,
+                y1=1,
+                xref=f"x{axis}",
+                yref=f"y{axis} domain",
+                line={"color": mark.colour, "dash": mark.dash, "width": 1.2},
+                layer="below",
+            )
+    _explain_marks(drawn, charts, layout, len(charts) + 1, height)
+    drawn.update_layout(
+        **layout,
+        height=height,
+        margin={"l": 62, "r": 12, "t": _TOP_PX, "b": _BOTTOM_PX},
+        font={"family": _FONT, "size": 12, "color": "#1a1a1a"},
+        plot_bgcolor="white",
+        paper_bgcolor="white",
+        hovermode="x unified",
+        dragmode="zoom",
+    )
+    return drawn
+
+
+def _axes(
+    chart: Chart, axis: str, across: tuple[float, float], upward: tuple[float, float]
+) -> dict[str, dict[str, Any]]:
+    look = {"showline": True, "linecolor": GREY, "gridcolor": "#ebedef", "zeroline": False, "ticks": "outside"}
+    x = {**look, "domain": across, "anchor": f"y{axis}", "title": {"text": chart.x_title, "standoff": 4}}
+    y = {**look, "domain": upward, "anchor": f"x{axis}", "title": {"text": chart.y_title, "standoff": 4}}
+    x |= {"showspikes": True, "spikemode": "across", "spikecolor": GREY, "spikethickness": 1, "spikedash": "dot"}
+    y |= {"tickformat": ".6~g"}
+    if axis and "x" not in chart.log:
+        x["matches"] = "x"
+    for name, described, limits in (("x", x, chart.x_range), ("y", y, chart.y_range)):
+        if name in chart.log:
+            described |= {"type": "log", "exponentformat": "power", "dtick": 1}
+        if limits is not None:
+            described["range"] = [math.log10(limit) for limit in limits] if name in chart.log else list(limits)
+    return {f"xaxis{axis}": x, f"yaxis{axis}": y}
+
+
+def _line(curve: Curve, axis: str, rank: int) -> Any:
+    shape = "hv" if curve.step else "linear"
+    return go.Scatter(
+        **_abscissa(curve.x),
+        y=curve.y.astype(np.float32),
+        name=curve.name,
+        mode="lines",
+        line={"color": curve.colour, "dash": curve.dash, "width": curve.width, "shape": shape},
+        xaxis=f"x{axis}",
+        yaxis=f"y{axis}",
+        legend=f"legend{axis}",
+        legendrank=rank,
+        showlegend=bool(curve.name),
+        hovertemplate=f"%{{y:{curve.digits}}}",
+        hoverinfo=None if curve.name and len(curve.x) > 2 else "skip",
+    )
+
+
+def _abscissa(x: NDArray[np.float64]) -> dict[str, Any]:
+    """X by start and step where it is evenly spaced, a third of the size; else in full."""
+    steps = np.diff(x)
+    if len(x) > 2 and np.allclose(steps, steps[0], rtol=0.0, atol=1e-6):
+        return {"x0": float(x[0]), "dx": float(steps[0])}
+    # A float of four bytes tells milliseconds apart up to four and a half hours.
+    return {"x": x.astype(np.float32) if abs(x).max(initial=0.0) < 2**14 else x}
+
+
+def _markers(points: Points, axis: str) -> Any:
+    symbol, size = _SYMBOLS[points.symbol]
+    return go.Scatter(
+        x=list(points.x),
+        y=list(points.y),
+        name=points.name,
+        mode="markers",
+        marker={"symbol": symbol, "size": size, "color": points.colour, "line": {"width": 1.5, "color": points.colour}},
+        xaxis=f"x{axis}",
+        yaxis=f"y{axis}",
+        legend=f"legend{axis}",
+        legendrank=40,
+        hovertemplate=f"{points.name} at %{{x:.1f}} s<extra></extra>",
+    )
+
+
+def _explain_marks(drawn: Any, charts: Sequence[Chart], layout: dict[str, Any], number: int, height: int) -> None:
+    """One line of legend above the whole: what the vertical lines are."""
+    marks = {mark.name: mark for chart in charts for mark in chart.marks}
+    for mark in marks.values():
+        drawn.add_trace(
+            go.Scatter(
+                x=[None],
+                y=[None],
+                name=mark.name,
+                mode="lines",
+                line={"color": mark.colour, "dash": mark.dash, "width": 1.6},
+                legend=f"legend{number}",
+                hoverinfo="skip",
+            )
+        )
+    layout[f"legend{number}"] = {
+        "orientation": "h",
+        "x": 0.0,
+        "xanchor": "left",
+        "y": 1.0 - 4 / height,
+        "yref": "container",
+        "yanchor": "top",
+        "font": {"size": 12, "color": BLACK},
+        "itemclick": False,
+        "itemdoubleclick": False,
+        "title": {"text": "Vertical lines: "},
+    }

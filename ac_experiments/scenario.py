@@ -1,0 +1,269 @@
+"""What happens in a run: a YAML file, read, checked against the schema, and turned into arrays over all ticks."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from ac_common.errors import BringupError, nearest, one_line, shortened
+from ac_common.units import KPA
+from ac_common.yaml_file import parsed, text_of
+from ac_experiments.scenario_schema import LARGEST, SHORTEST_S, Change, Scenario, quoted, unknown
+
+BUILT_IN = Path(__file__).parent / "scenarios"
+
+
+@dataclass(frozen=True)
+class Program:
+    """A scenario as arrays over its K ticks, SI: what the loop and the scenario node play.
+
+    Attributes
+    ----------
+    time_s
+        (K,) exactly ``k * tick_ns / 1e9``, as a receiver computes it from a stamp.
+    reference
+        (K, 2) ``[p_e Pa, SH K]``.
+    air
+        (K, 2) ``[air mass flow kg/s, air inlet temperature degC]``.
+    faults
+        (K, 2) ``[f_N rad/s, f_p Pa]``.
+    """
+
+    time_s: NDArray[np.float64]
+    reference: NDArray[np.float64]
+    air: NDArray[np.float64]
+    faults: NDArray[np.float64]
+
+
+def program(scenario: Scenario, inputs: NDArray[np.float64], outputs: NDArray[np.float64]) -> Program:
+    """Turn a scenario into arrays over all ticks.
+
+    Parameters
+    ----------
+    scenario
+        The checked scenario.
+    inputs
+        Inputs at the operating point, (4,) ``[rad/s, 0..1, kg/s, degC]``.
+    outputs
+        Outputs at the operating point, (4,) ``[p_e Pa, SH K, T_w degC, p_c Pa]``.
+    """
+    time_s = np.arange(scenario.ticks) * scenario.tick_ns / 1e9
+    references, air = scenario.references, scenario.air
+    return Program(
+        time_s=time_s,
+        reference=np.column_stack(
+            [
+                outputs[0] + KPA * _moves(time_s, references.evaporator_pressure_kpa),
+                outputs[1] + _moves(time_s, references.superheat_k),
+            ]
+        ),
+        air=np.column_stack(
+            [
+                inputs[2] * (1.0 + _moves(time_s, air.mass_flow_percent) / 100.0),
+                inputs[3] + _moves(time_s, air.inlet_temperature_k),
+            ]
+        ),
+        faults=np.column_stack(
+            [
+                np.clip(  # a random walk goes anywhere, given time
+                    sum(
+                        (fault.over(time_s, fault.size) for fault in scenario.faults if fault.kind == kind),
+                        start=np.zeros_like(time_s),
+                    ),
+                    -largest,
+                    largest,
+                )
+                for kind, largest in LARGEST.items()
+            ]
+        ),
+    )
+
+
+def _moves(time_s: NDArray[np.float64], changes: Sequence[Change]) -> NDArray[np.float64]:
+    """Offset over time, (K,): 0, then each change in turn from where the one before left it."""
+    offset = np.zeros_like(time_s)
+    start = 0.0
+    for change in changes:
+        progress = (time_s >= change.at_s).astype(np.float64)
+        if change.ramp_s > SHORTEST_S:
+            progress = np.clip((time_s - change.at_s) / change.ramp_s, 0.0, 1.0)
+        offset += (change.to - start) * progress
+        start = change.to
+    return offset
+
+
+def built_in_scenarios() -> dict[str, Path]:
+    """Names of the built-in scenarios and where they are, in alphabetical order."""
+    return {path.stem: path for path in sorted(BUILT_IN.glob("*.yaml"))}
+
+
+def load(name_or_path: str | Path, overrides: Sequence[str] = (), *, whole: bool = True) -> Scenario:
+    """Read a scenario by built-in name or by path, with ``KEY=VALUE`` overrides applied, and check it.
+
+    A drive cycle becomes the changes of the air flow that it stands for, so the scenario then is all there is to know.
+
+    Parameters
+    ----------
+    name_or_path
+        A built-in name (``actuator_fault``) or the path of a YAML file.
+    overrides
+        ``dotted.key=value``; list items by number, as in ``faults.0.size_rpm=60``.
+    whole
+        False leaves the file of a drive cycle unread: enough to say what a scenario is about.
+
+    Raises
+    ------
+    BringupError
+        One line naming the file, the key, what was given and what is allowed.
+    """
+    path = _find(name_or_path)
+    content = parsed(text_of(path), f"{path}: not valid YAML")
+    if not isinstance(content, dict):
+        msg = f"{path}: must hold keys and values such as 'duration_s: 600', not {_kind(content)}"
+        raise BringupError(msg)
+    content.setdefault("name", path.stem)
+    for override in overrides:
+        _override(content, override)
+    source = f"{path.name} with --set" if overrides else str(path)
+    scenario = _validated(content, source)
+    return _driven(scenario, source) if whole else scenario
+
+
+def check(content: Mapping[str, Any], source: str = "scenario") -> Scenario:
+    """Check a mapping against the scenario schema; raises `BringupError` as `load` does."""
+    return _driven(_validated(dict(content), source), source)
+
+
+def to_yaml(scenario: Scenario) -> str:
+    """`scenario` as a YAML text that `load` reads back to an equal one."""
+    return yaml.safe_dump(scenario.model_dump(mode="json", exclude_defaults=True), sort_keys=False)
+
+
+# ---------------------------------------------------------------------------------------------------- reading
+
+
+def _find(name_or_path: str | Path) -> Path:
+    text = str(name_or_path)
+    known = built_in_scenarios()
+    if text in known:
+        return known[text]
+    path = Path(text)
+    if path.is_dir():
+        msg = f"{text}: is a folder, not a scenario file"
+        raise BringupError(msg)
+    if path.exists():
+        return path
+    if path.suffix in (".yaml", ".yml") or "/" in text:
+        msg = f"{text}: no such scenario file"
+        raise BringupError(msg)
+    raise BringupError(unknown("scenario", text, list(known)) + ", or the path of a YAML file")
+
+
+_LIST_EXAMPLES = (
+    "for instance faults=[{kind: compressor_speed, size_rpm: 40, onset_s: 100}] "
+    "or references.superheat_k=[{at_s: 100, to: -2.5}]"
+)
+
+
+def _override(content: dict[str, Any], override: str) -> None:
+    """Set one ``dotted.key=value`` in the raw content; the schema then judges it like any other value."""
+    key, equals, text = override.partition("=")
+    shown = shortened(override)
+    if not equals or not key:
+        msg = f"--set {shown}: must be KEY=VALUE, for instance faults.0.size_rpm=60"
+        raise BringupError(msg)
+    value = parsed(text, f"--set {shown}: the value {quoted(text)} is not valid YAML")
+    target: Any = content
+    *parents, last = key.split(".")
+    for depth, part in enumerate(parents):
+        where = ".".join(parents[: depth + 1])
+        if isinstance(target, list):
+            target = target[_index(part, target, shown, where)]
+        else:
+            if target.get(part) is None:
+                target[part] = [] if key.split(".")[depth + 1].isdecimal() else {}
+            target = target[part]
+        if not isinstance(target, dict | list):
+            msg = f"--set {shown}: {shortened(where)} is {_kind(target)} and has nothing below it"
+            raise BringupError(msg)
+    if isinstance(target, list):
+        target[_index(last, target, shown, key)] = value
+    else:
+        target[last] = value
+
+
+def _index(part: str, items: list[Any], override: str, where: str) -> int:
+    if part.isdecimal() and len(part) < 10 and int(part) < len(items):
+        return int(part)
+    allowed = f"0 to {len(items) - 1}" if items else f"none, the list is empty; give a whole one, {_LIST_EXAMPLES}"
+    msg = f"--set {override}: {shortened(where)} is not an item of the list; allowed: {allowed}"
+    raise BringupError(msg)
+
+
+# --------------------------------------------------------------------------------------------- error messages
+
+
+def _validated(content: dict[str, Any], source: str) -> Scenario:
+    try:
+        return Scenario.model_validate(content)
+    except ValidationError as error:
+        problems = error.errors(include_url=False)
+        lines = [_line(problem) for problem in problems[:3]]
+        more = f" (and {len(problems) - 3} more)" if len(problems) > 3 else ""
+        msg = f"{source}: {'; '.join(lines)}{more}"
+        raise BringupError(msg) from None
+
+
+def _driven(scenario: Scenario, source: str) -> Scenario:
+    """With the drive cycle, if there is one, as changes of the air flow."""
+    if scenario.air.drive_cycle is None:
+        return scenario
+    try:
+        changes = scenario.air.drive_cycle.changes()
+    except ValueError as problem:
+        msg = f"{source}: air.drive_cycle.file: {problem}"
+        raise BringupError(msg) from None
+    content = scenario.model_dump(mode="json")
+    content["air"] = {**content["air"], "mass_flow_percent": changes, "drive_cycle": None}
+    return _validated(content, source)
+
+
+def _line(problem: Any) -> str:
+    """One pydantic problem as ``key: what was given, what is allowed``."""
+    tags = {"compressor_speed", "evaporator_pressure"}
+    where = ".".join(str(part) for part in problem["loc"] if part not in tags)
+    prefix = f"{where}: " if where else ""
+    kind, given, context = problem["type"], problem.get("input"), problem.get("ctx", {})
+    if kind == "value_error":
+        return prefix + str(context["error"])
+    if kind == "missing":
+        return f"{prefix}is missing"
+    if kind == "union_tag_not_found":
+        return f"{prefix}kind is missing; allowed: compressor_speed, evaporator_pressure"
+    if kind == "union_tag_invalid":
+        return f"{prefix}{unknown('kind', context['tag'], sorted(tags))}"
+    if kind == "literal_error":
+        hint = nearest(given, re.findall(r"'(.*?)'", context["expected"]))
+        return f"{prefix}given {quoted(given)}{hint} allowed: {context['expected']}"
+    if kind == "list_type":
+        return f"{prefix}given {quoted(given)}; must be a list, {_LIST_EXAMPLES}"
+    allowed = one_line(problem["msg"]).replace("Input should be", "must be")
+    return f"{prefix}given {quoted(given)}; {allowed}"
+
+
+def _kind(value: object) -> str:
+    names = {
+        dict: "a mapping",
+        list: "a list",
+        str: "a text",
+        int: "a number",
+        float: "a number",
+        type(None): "nothing",
+    }
+    return names.get(type(value), f"a {type(value).__name__}")

@@ -1,0 +1,291 @@
+"""What a scenario file may hold: the schema, with what of it does not fit together.
+
+In the file every quantity has its unit in its key (rpm, kPa, %, K); here and on the wire everything is SI. References
+and the air side are given as changes from the operating point, so one scenario serves all three points.
+"""
+
+import reprlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+from ac_common.errors import nearest, shortened
+from ac_common.fault_profiles import PROFILE_KEYS, unit_profile
+from ac_common.sample_time import DEFAULT_SAMPLE_TIME_S, LONGEST_SAMPLE_TIME_S, SHORTEST_SAMPLE_TIME_S
+from ac_common.units import FAULT_UNITS, KPA, RPM
+
+#: Shortest time that a profile may take, s: the shortest sample time.
+SHORTEST_S = 0.01
+#: By how much times that follow on each other may be off, s.
+ROUNDING_S = 1e-9
+#: Largest fault, also of all faults of a kind together: what the nodes take for a signal of this loop.
+LARGEST_RPM, LARGEST_KPA = 1000.0, 100.0
+#: Largest seed of random numbers: what a ROS parameter holds on every machine.
+LARGEST_SEED = 2**31 - 1
+
+
+class _Part(BaseModel):
+    """A mapping in the scenario file; a key it does not know is an error that names the nearest one it does."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known_keys(cls, given: Any) -> Any:
+        if isinstance(given, Mapping):
+            for key in given:
+                if key not in cls.model_fields:
+                    raise ValueError(unknown("key", key, list(cls.model_fields)))
+        return given
+
+
+class Change(_Part):
+    """At `at_s` the quantity starts to move from where it is to `to`, in a straight line that takes `ramp_s`."""
+
+    at_s: float = Field(ge=0.0)
+    to: float
+    ramp_s: float = Field(default=0.0, ge=0.0)
+
+
+@dataclass(frozen=True)
+class TargetsWithin:
+    """Limits the targets of a list of changes to [lowest, highest]."""
+
+    lowest: float
+    highest: float
+
+    def __call__(self, changes: list[Change]) -> list[Change]:
+        """Give `changes` back, or raise for the first target out of range."""
+        for number, change in enumerate(changes):
+            if not self.lowest <= change.to <= self.highest:
+                msg = f"{number}.to: given {change.to:g}; allowed: {self.lowest:g} to {self.highest:g}"
+                raise ValueError(msg)
+        return changes
+
+
+class References(_Part):
+    """References of the controller, as changes from the operating point."""
+
+    evaporator_pressure_kpa: Annotated[list[Change], AfterValidator(TargetsWithin(-100.0, 150.0))] = []
+    superheat_k: Annotated[list[Change], AfterValidator(TargetsWithin(-18.0, 30.0))] = []
+
+
+class RamAir(_Part):
+    """A drive: the faster the car, the more ram air on the evaporator, with the square of the speed."""
+
+    file: str = Field(min_length=1)
+    percent_at_top_speed: float = Field(default=10.0, ge=-90.0, le=300.0)
+
+    def changes(self) -> list[dict[str, float]]:
+        """The drive as changes of the air mass flow, one for each line of its file in which something changes.
+
+        Raises
+        ------
+        ValueError
+            One line: what is wrong with the file, or where there is one.
+        """
+        from ac_plant_node.drive_cycle import load_drive_cycle
+
+        cycle = load_drive_cycle(Path(self.file).expanduser())
+        percent = self.percent_at_top_speed * (cycle.speed_m_s / max(float(cycle.speed_m_s.max()), 1e-9)) ** 2
+        time_s, targets = cycle.time_s.tolist(), percent.tolist()
+        moves = [{"at_s": 0.0, "to": targets[0]}] if targets[0] else []
+        for start_s, end_s, before, to in zip(time_s[:-1], time_s[1:], targets[:-1], targets[1:], strict=True):
+            if to != before:
+                moves.append({"at_s": start_s, "to": to, "ramp_s": end_s - start_s})
+        return moves
+
+
+class Air(_Part):
+    """Air side of the evaporator, as changes from the operating point."""
+
+    mass_flow_percent: Annotated[list[Change], AfterValidator(TargetsWithin(-90.0, 300.0))] = []
+    inlet_temperature_k: Annotated[list[Change], AfterValidator(TargetsWithin(-30.0, 30.0))] = []
+    drive_cycle: RamAir | None = None
+
+    @model_validator(mode="after")
+    def _one_air_flow(self) -> "Air":
+        if self.drive_cycle is not None and self.mass_flow_percent:
+            msg = "mass_flow_percent and drive_cycle both say what the air flow does; give one of them"
+            raise ValueError(msg)
+        return self
+
+
+def targets_within(part: type[_Part], key: str) -> TargetsWithin:
+    """Limits of the targets of one list of changes, such as `targets_within(References, "superheat_k")`."""
+    limits = (getattr(constraint, "func", None) for constraint in part.model_fields[key].metadata)
+    return next(limit for limit in limits if isinstance(limit, TargetsWithin))
+
+
+class _Fault(_Part):
+    """What both faults share: when, and how it grows."""
+
+    onset_s: float = Field(ge=0.0)
+    end_s: float | None = None
+    profile: Literal["step", "ramp", "sine", "drift", "intermittent", "random_walk"] = "step"
+    rise_s: float | None = Field(default=None, ge=SHORTEST_S)
+    period_s: float | None = Field(default=None, ge=SHORTEST_S)
+    time_constant_s: float | None = Field(default=None, ge=SHORTEST_S)
+    duty_percent: float | None = Field(default=None, gt=0.0, lt=100.0)
+    seed: int | None = Field(default=None, ge=0, le=LARGEST_SEED)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "_Fault":
+        if self.end_s is not None and self.end_s <= self.onset_s:
+            msg = f"end_s {self.end_s:g} must come after onset_s {self.onset_s:g}"
+            raise ValueError(msg)
+        for key in ("rise_s", "period_s", "time_constant_s", "duty_percent", "seed"):
+            if getattr(self, key) is not None and key not in PROFILE_KEYS[self.profile]:
+                own = ", ".join(PROFILE_KEYS[self.profile]) or "no further key"
+                msg = f"{key} does not belong to the profile {self.profile!r}, which takes {own}"
+                raise ValueError(msg)
+        return self
+
+    def over(self, time_s: NDArray[np.float64], size: float) -> NDArray[np.float64]:
+        """Fault of `size` over the ticks `time_s`, shape (K,)."""
+        shape = {key: getattr(self, key) for key in PROFILE_KEYS[self.profile] if getattr(self, key) is not None}
+        return size * unit_profile(time_s, self.profile, self.onset_s, self.end_s, **shape)
+
+
+class CompressorSpeedFault(_Fault):
+    """f_N: adds `size_rpm` to the compressor speed at the plant's input."""
+
+    kind: Literal["compressor_speed"]
+    size_rpm: float = Field(ge=-LARGEST_RPM, le=LARGEST_RPM)
+
+    @property
+    def size(self) -> float:
+        """Size in rad/s."""
+        return self.size_rpm * RPM
+
+
+class EvaporatorPressureFault(_Fault):
+    """f_p: adds `size_kpa` to the measured evaporator pressure."""
+
+    kind: Literal["evaporator_pressure"]
+    size_kpa: float = Field(ge=-LARGEST_KPA, le=LARGEST_KPA)
+
+    @property
+    def size(self) -> float:
+        """Size in Pa."""
+        return self.size_kpa * KPA
+
+
+#: Largest fault by kind, SI.
+LARGEST = {"compressor_speed": LARGEST_RPM * RPM, "evaporator_pressure": LARGEST_KPA * KPA}
+Fault = Annotated[CompressorSpeedFault | EvaporatorPressureFault, Field(discriminator="kind")]
+
+
+class Noise(_Part):
+    """Gaussian sensor noise: standard deviations, and the seed that makes a run repeatable."""
+
+    evaporator_pressure_kpa: float = Field(default=0.0, ge=0.0, le=50.0)
+    superheat_k: float = Field(default=0.0, ge=0.0, le=20.0)
+    wall_temperature_k: float = Field(default=0.0, ge=0.0, le=20.0)
+    seed: int = Field(default=0, ge=0, le=LARGEST_SEED)
+
+    @property
+    def std(self) -> NDArray[np.float64]:
+        """Standard deviations of (p_e, SH, T_w) in (Pa, K, K)."""
+        return np.array([self.evaporator_pressure_kpa * KPA, self.superheat_k, self.wall_temperature_k])
+
+
+class Scenario(_Part):
+    """A whole run. See `docs/` and the files in `ac_experiments/scenarios/` for examples."""
+
+    name: str = Field(pattern=r"^[A-Za-z0-9_-]+$")
+    description: str = ""
+    operating_point: Literal["low", "med", "high"] = "med"
+    duration_s: float = Field(gt=0.0, le=86400.0)
+    sample_time_s: float = Field(default=DEFAULT_SAMPLE_TIME_S, ge=SHORTEST_SAMPLE_TIME_S, le=LONGEST_SAMPLE_TIME_S)
+    passive: bool = False
+    sensors: Literal[2, 3] = 3
+    superheat_sensor: Literal["direct", "derived"] = "direct"
+    controller: Literal["tracking", "paper"] = "tracking"
+    references: References = References()
+    air: Air = Air()
+    faults: list[Fault] = []
+    noise: Noise = Noise()
+
+    @model_validator(mode="after")
+    def _within_the_run(self) -> "Scenario":
+        for number, fault in enumerate(self.faults):
+            if fault.onset_s >= self.duration_s:
+                msg = f"faults.{number}.onset_s {fault.onset_s:g} must come before the end at {self.duration_s:g} s"
+                raise ValueError(msg)
+        for part in (self.references, self.air):
+            for key in (name for name in type(part).model_fields if name != "drive_cycle"):
+                for before, after in zip(getattr(part, key)[:-1], getattr(part, key)[1:], strict=True):
+                    if after.at_s < before.at_s + before.ramp_s - ROUNDING_S:
+                        msg = (
+                            f"{key}: the change at {after.at_s:g} s starts before the one at {before.at_s:g} s is over"
+                        )
+                        raise ValueError(msg)
+        return self
+
+    @model_validator(mode="after")
+    def _faults_together(self) -> "Scenario":
+        for kind, (unit, factor) in FAULT_UNITS.items():
+            moves = []
+            for fault in self.faults:
+                if fault.kind == kind:
+                    moves.append((fault.onset_s, abs(fault.size)))
+                    moves.append((self.duration_s if fault.end_s is None else fault.end_s, -abs(fault.size)))
+            together = 0.0
+            for at_s, more in sorted(moves):
+                together += more
+                if together > LARGEST[kind] * (1.0 + 1e-9):
+                    msg = (
+                        f"faults: those of {kind} are {together / factor:g} {unit} together at {at_s:g} s; "
+                        f"allowed: {LARGEST[kind] / factor:g} {unit}"
+                    )
+                    raise ValueError(msg)
+        return self
+
+    @model_validator(mode="after")
+    def _compensator_fits(self) -> "Scenario":
+        self.is_passive()
+        return self
+
+    def is_passive(self, instead: bool | None = None) -> bool:
+        """Whether K0 is alone: as the scenario says, or as said here instead.
+
+        Raises
+        ------
+        ValueError
+            When the compensator is to act with two sensors.
+        """
+        passive = self.passive if instead is None else instead
+        if self.sensors == 2 and not passive:
+            msg = "sensors: 2 needs passive: true, since the compensators are designed for three sensors"
+            raise ValueError(msg)
+        return passive
+
+    @property
+    def ticks(self) -> int:
+        """Number of ticks K; tick k is at ``k * sample_time_s``, so the last one is one sample before the end."""
+        return max(1, round(self.duration_s / self.sample_time_s))
+
+    @property
+    def tick_ns(self) -> int:
+        """Sample time in whole nanoseconds, the unit of a ROS stamp."""
+        return round(self.sample_time_s * 1e9)
+
+
+def unknown(what: str, given: object, allowed: list[str]) -> str:
+    """Say that there is no such `what`, which one may have been meant, and which there are."""
+    return f"unknown {what} {quoted(given)}{nearest(given, allowed)} allowed: {', '.join(allowed)}"
+
+
+#: Writes values out, but of a list that holds itself a hundred times over only the beginning.
+_REPR = reprlib.Repr(maxdict=2, maxlist=2, maxtuple=2, maxset=2, maxstring=60, maxlong=60, maxother=60)
+
+
+def quoted(value: object) -> str:
+    """Write a value of a file as a message can quote it."""
+    return shortened(_REPR.repr(value))

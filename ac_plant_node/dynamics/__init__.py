@@ -1,0 +1,1 @@
+"""The moving-boundary model: zones, balances, integration."""

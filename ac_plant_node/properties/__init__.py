@@ -1,0 +1,1 @@
+"""Refrigerant properties as tables."""

@@ -1,0 +1,1 @@
+"""What every ROS node of the loop stands on: life cycle, parameters, ticks, health, a clean end."""

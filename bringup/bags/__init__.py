@@ -1,1 +1,0 @@
-"""ROS 2 bags: writing, reading, feeding them through a node again."""

@@ -1,1 +1,0 @@
-"""Speed, start, latency and memory, beside a bare chain of processes."""

@@ -1,0 +1,1 @@
+"""What is measured of the loop and of its parts."""

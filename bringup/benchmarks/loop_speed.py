@@ -1,0 +1,69 @@
+"""How long 1000 s of the closed loop take in one process, beside the plant alone that gets the same inputs.
+
+``python -m bringup.benchmarks.loop_speed`` prints both, without noise and with it, and what is not the plant's.
+"""
+
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ac_experiments.recording import Recording
+from ac_experiments.scenario import load
+from ac_experiments.scenario_schema import Scenario
+from ac_experiments.simulate import designs_at, simulate
+from ac_plant_node import Plant
+
+SCENARIO = "both_faults"
+NOISE = "noise={evaporator_pressure_kpa: 0.2, superheat_k: 0.1, wall_temperature_k: 0.05}"
+BAR_S = 0.5
+
+
+def standing(noise: bool) -> Scenario:
+    """Both faults after a manoeuvre, 1000 s; noise as the sensors have it makes the commands jump at every tick."""
+    return load(SCENARIO, ["duration_s=1000", *([NOISE] if noise else [])])
+
+
+def loop_seconds(noise: bool, repeats: int = 5) -> tuple[float, float]:
+    """Seconds for 1000 s at 10 Hz with manoeuvre, both faults and accommodation; and those of the plant alone.
+
+    Processor time of this process (one thread), the least of `repeats`, loop and plant in turn, after a warm-up.
+    """
+    scenario = standing(noise)
+    designs = designs_at(scenario.operating_point, scenario.sample_time_s)
+    run = simulate(scenario, designs=designs)
+    loop, plant = [], []
+    for _ in range(repeats):
+        started = time.process_time()
+        simulate(scenario, designs=designs)
+        loop.append(time.process_time() - started)
+        plant.append(plant_seconds(run, scenario.operating_point))
+    return min(loop), min(plant)
+
+
+def plant_inputs(run: Recording) -> NDArray[np.float64]:
+    """What the plant got in a run: one row of four a tick."""
+    keys = ("actuator/command:compressor", "actuator/command:expansion_valve", "scenario/air:evaporator_air")
+    return np.column_stack([run.series[key] for key in (*keys, "scenario/air_inlet_temperature")])
+
+
+def plant_seconds(run: Recording, point: str) -> float:
+    """Seconds that the plant takes for the inputs of a run."""
+    inputs, plant, sample_time_s = plant_inputs(run), Plant.at(point), run.metadata["sample_time_s"]
+    started = time.process_time()
+    for held in inputs:
+        plant.step(held, sample_time_s)
+    return time.process_time() - started
+
+
+def main() -> None:
+    """Print the figures."""
+    for noise in (False, True):
+        loop, plant = loop_seconds(noise)
+        what = "with noise" if noise else f"noise-free (bar {BAR_S:g} s)"
+        print(f"1000 s of closed loop at 10 Hz, {what}: {loop:.3f} s")
+        print(f"  the plant alone: {plant:.3f} s; all that is not the plant: {1e2 * (loop - plant):.1f} us a tick")
+
+
+if __name__ == "__main__":
+    main()

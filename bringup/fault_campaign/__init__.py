@@ -1,0 +1,1 @@
+"""Runs with faults of processes and messages drawn at random."""

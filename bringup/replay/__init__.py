@@ -1,0 +1,1 @@
+"""A recording through one node again."""

@@ -1,1 +1,0 @@
-"""What a run is shown as: plots, the report, the paper's experiments."""

@@ -1,0 +1,46 @@
+"""The YAML parameter file of each node, written from what the node declares.
+
+``python -m docs.tools.parameter_files`` writes them anew; a test compares them with the code.
+"""
+
+from collections.abc import Sequence
+from importlib import import_module
+
+import yaml
+
+from ac_ros_common.parameters import COMMON, Parameter
+from bringup.launch.node_modules import MODULES, module_of, parameter_file
+
+
+def text(name: str) -> str:
+    """Content of the parameter file of a node: every parameter with its default, what it means and what is allowed."""
+    declared: Sequence[Parameter] = (*COMMON, *import_module(module_of(MODULES[name])).PARAMETERS)
+    lines = [
+        f"# Parameters of the node `{name}` and their defaults. Use:",
+        f"#   python -m {MODULES[name]} --ros-args --params-file {parameter_file(MODULES[name]).name}",
+        "/**:",
+        "  ros__parameters:",
+    ]
+    for parameter in declared:
+        lines.append(f"    # {parameter.description}{_allowed(parameter)}")
+        value = yaml.safe_dump(parameter.default, default_flow_style=True).strip().removesuffix("...").strip()
+        lines.append(f"    {parameter.name}: {value}")
+    return "\n".join(lines) + "\n"
+
+
+def _allowed(parameter: Parameter) -> str:
+    allowed = f"one of {', '.join(parameter.choices)}" if parameter.choices else ""
+    if parameter.low is not None and parameter.high is not None:
+        allowed = f"{parameter.low:g} to {parameter.high:g}"
+    when = "may be set while the node runs" if parameter.live else ""
+    return "".join(f"; {part}" for part in (allowed, when) if part)
+
+
+def main() -> None:
+    """Write all parameter files."""
+    for name in MODULES:
+        parameter_file(MODULES[name]).write_text(text(name), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,157 @@
+"""The page `docs/scenarios.md`, written from the schema so that it cannot drift from it.
+
+``python -m docs.tools.scenario_reference`` writes it anew; a test compares it with the code.
+"""
+
+from inspect import signature
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Any, Literal, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from ac_common.fault_profiles import PROFILE_KEYS, unit_profile
+from ac_experiments.scenario import built_in_scenarios, load
+from ac_experiments.scenario_schema import (
+    Air,
+    Change,
+    CompressorSpeedFault,
+    EvaporatorPressureFault,
+    Noise,
+    RamAir,
+    References,
+    Scenario,
+    TargetsWithin,
+)
+
+_PROFILE_DEFAULTS = {
+    name: parameter.default
+    for name, parameter in signature(unit_profile).parameters.items()
+    if parameter.kind is parameter.KEYWORD_ONLY
+}
+
+PAGE = Path(__file__).parents[2] / "docs" / "scenarios.md"
+
+#: What each key means; a key of the schema that is missing here fails the page.
+MEANING = {
+    "name": "what the run is called",
+    "description": "one sentence for people",
+    "operating_point": "where the run starts from, and whose designs it uses",
+    "duration_s": "simulated time",
+    "sample_time_s": "sample time of the loop",
+    "passive": "true: K0 alone, the compensator stays silent",
+    "sensors": "3: p_e, superheat and the wall thermocouple; 2: without the thermocouple, K0 alone (`passive: true`)",
+    "superheat_sensor": "direct: superheat is measured; derived: from an outlet thermocouple and the measured pressure",
+    "controller": "tracking: K0 holds both references; paper: K0 after the paper's passive case, which leaves SH alone",
+    "references": "what the controller is to follow; below 175 kPa or 8 K its protection holds that value instead",
+    "air": "the evaporator's air side",
+    "faults": "a list of faults; those of one kind that are there at a time must not be more than one may be",
+    "noise": "the sensors' noise",
+    "at_s": "when the change begins",
+    "to": "where it ends, in the unit of the list's key",
+    "ramp_s": "how long it takes, in a straight line; 0: a step",
+    "evaporator_pressure_kpa": "evaporator pressure",
+    "superheat_k": "superheat",
+    "mass_flow_percent": "air mass flow, per cent of the operating point's",
+    "inlet_temperature_k": "air inlet temperature",
+    "drive_cycle": "a drive, whose ram air changes the air mass flow",
+    "file": "vehicle speed over time: EPA's two columns, or CSV; the EPA publishes SC03 and others",
+    "percent_at_top_speed": "ram air at the cycle's top speed; with the square of the speed below it",
+    "wall_temperature_k": "wall temperature",
+    "kind": "which fault",
+    "onset_s": "when it begins",
+    "end_s": "when it goes away; left out: never",
+    "profile": "how it grows",
+    "rise_s": "ramp: time to full size",
+    "period_s": "sine, intermittent: period",
+    "time_constant_s": "drift: time constant; random_walk: time after which its standard deviation is the size",
+    "duty_percent": "intermittent: share of the period in which it is there",
+    "seed": "makes the random numbers repeatable",
+    "size_rpm": "added to the compressor's speed at the plant",
+    "size_kpa": "added to the measured evaporator pressure",
+}
+
+
+def text() -> str:
+    """Content of the page."""
+    parts = [
+        "# Scenarios",
+        "",
+        "<!-- Written by `python -m docs.tools.scenario_reference`; edit `ac_experiments/scenario_schema.py`. -->",
+        "",
+        "A scenario is a YAML file. Every quantity has its unit in its key; references and air are changes from the",
+        "operating point, so one file serves all three. `acftc run FILE` and `acftc simulate FILE` take it, and `--set",
+        "KEY=VALUE` changes one value: `--set faults.0.size_rpm=60`.",
+        "",
+        "```yaml",
+        built_in_scenarios()["actuator_fault"].read_text(encoding="utf-8").rstrip(),
+        "```",
+        "",
+        "## Built-in scenarios",
+        "",
+        "| name | duration | what happens |",
+        "|---|---|---|",
+    ]
+    known = {name: load(name, whole=False) for name in built_in_scenarios()}
+    parts += [f"| `{name}` | {item.duration_s:g} s | {item.description} |" for name, item in known.items()]
+    sections: tuple[tuple[str, str, type[BaseModel]], ...] = (
+        ("Top level", "", Scenario),
+        ("references", "Lists of changes from the operating point, each a mapping as below.", References),
+        ("air", "Lists of changes from the operating point.", Air),
+        ("air: drive cycle", "`{file: sc03.csv}`: a drive in place of changes of the air mass flow.", RamAir),
+        ("A change", "`{at_s: 100, to: 5.0, ramp_s: 60}`", Change),
+        ("faults: compressor speed", "f_N, the actuator fault.", CompressorSpeedFault),
+        ("faults: evaporator pressure", "f_p, the sensor fault.", EvaporatorPressureFault),
+        ("noise", "Standard deviations of Gaussian noise.", Noise),
+    )
+    for title, remark, model in sections:
+        parts += ["", f"## {title}", ""] + ([remark, ""] if remark else [])
+        parts += ["| key | allowed | default | meaning |", "|---|---|---|---|"]
+        parts += [
+            f"| `{key}` | {_allowed(field)} | {_default(key, field)} | {MEANING[key]} |"
+            for key, field in model.model_fields.items()
+        ]
+    parts += ["", "## Profiles of a fault", "", "| profile | takes besides onset and end |", "|---|---|"]
+    parts += [f"| `{name}` | {', '.join(f'`{key}`' for key in keys) or '–'} |" for name, keys in PROFILE_KEYS.items()]
+    return "\n".join([*parts, ""])
+
+
+def _allowed(field: FieldInfo) -> str:
+    """What a key may hold: type, and range where there is one."""
+    kind: Any = field.annotation
+    options = [option for option in get_args(kind) if option is not NoneType]
+    if isinstance(kind, UnionType) and len(options) == 1:
+        kind = options[0]
+    if get_origin(kind) is Literal:
+        return ", ".join(f"`{value}`" for value in get_args(kind))
+    if get_origin(kind) is list:
+        return ", ".join(["a list", *_bounds(field)])
+    names: dict[Any, str] = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}
+    return ", ".join([names.get(kind, "a mapping"), *_bounds(field)])
+
+
+def _bounds(field: FieldInfo) -> list[str]:
+    signs = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
+    found = []
+    for constraint in field.metadata:
+        if isinstance(getattr(constraint, "func", None), TargetsWithin):
+            found.append(f"targets from {constraint.func.lowest:g} to {constraint.func.highest:g}")
+        found += [f"{sign} {getattr(constraint, name):g}" for name, sign in signs.items() if hasattr(constraint, name)]
+    return found
+
+
+def _default(key: str, field: FieldInfo) -> str:
+    if key == "name":
+        return "the file's name"
+    if field.is_required():
+        return "required"
+    if field.default is None and key in _PROFILE_DEFAULTS:
+        return f"`{_PROFILE_DEFAULTS[key]:g}`, where the profile takes it"
+    if field.default is None or isinstance(field.default, BaseModel | list) or field.default == "":
+        return "none"
+    return f"`{str(field.default).lower() if isinstance(field.default, bool) else field.default}`"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(text(), encoding="utf-8")

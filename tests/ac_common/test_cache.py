@@ -1,0 +1,74 @@
+"""A design is taken from the cache only when everything that decides it is the same."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ac_common.cache import source_fingerprint
+from ac_design.store import cached_design
+from ac_plant_node.parameters.file import PLANT_VARIABLE
+from fdi_node import FdiWeights
+
+SYNTHESIS = """
+import numpy as np
+calls = []
+def synthesise(point, sample_time_s, *weights):
+    calls.append((point, sample_time_s, *weights))
+    return {"number": np.array(len(calls))}
+"""
+
+
+@pytest.fixture
+def design(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Ask for a design; the number of its synthesis."""
+    (tmp_path / "counting_synthesis.py").write_text(SYNTHESIS)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("ACFTC_CACHE_DIR", str(tmp_path / "cache"))
+    yield lambda *what: int(cached_design("test", "counting_synthesis", *what)["number"])
+    sys.modules.pop("counting_synthesis", None)
+
+
+def test_the_same_content_is_computed_once(design):
+    assert [design("med", 0.1, FdiWeights()) for _ in range(3)] == [1, 1, 1]
+
+
+def test_point_sample_time_and_weights_make_designs_of_their_own(design):
+    assert design("med", 0.1, FdiWeights()) == 1
+    assert design("low", 0.1, FdiWeights()) == 2
+    assert design("med", 0.05, FdiWeights()) == 3
+    assert design("med", 0.1, FdiWeights(superheat="derived")) == 4
+    assert design("med", 0.1, FdiWeights()) == 1
+
+
+def test_a_changed_plant_never_meets_a_stale_design(design, tmp_path, monkeypatch):
+    assert design("med", 0.1) == 1
+    own = tmp_path / "own.yaml"
+    monkeypatch.setenv(PLANT_VARIABLE, str(own))
+    own.write_text("charge_kg: 0.50\n")  # as shipped
+    assert design("med", 0.1) == 1
+    own.write_text("charge_kg: 0.51\n")
+    assert design("med", 0.1) == 2
+
+
+def test_a_changed_line_of_code_never_meets_a_stale_design(tmp_path, monkeypatch):
+    package = tmp_path / "some_package"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    (package / "synthesis.py").write_text("gamma = 1.0\n")
+    (package / "node.py").write_text("print('moves messages')\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    before = source_fingerprint("some_package")
+    (package / "node.py").write_text("print('moves them otherwise')\n")
+    assert source_fingerprint("some_package") == before
+    (package / "synthesis.py").write_text("gamma = 2.0\n")
+    assert source_fingerprint("some_package") != before
+
+
+def test_a_damaged_file_is_computed_anew(design, tmp_path):
+    assert design("med", 0.1) == 1
+    (file,) = (tmp_path / "cache").glob("*.npz")
+    file.write_bytes(file.read_bytes()[:50])
+    assert design("med", 0.1) == 2
+    assert np.load(file)["number"] == 2

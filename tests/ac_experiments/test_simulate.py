@@ -1,0 +1,98 @@
+"""The loop in one process, on the nonlinear plant: what a run must reach, and the same numbers every time.
+
+`acftc reproduce` judges the same runs more finely, against the paper.
+"""
+
+import numpy as np
+import pytest
+
+from ac_common.topics import SERIES
+from ac_experiments.metrics import summarise
+from ac_experiments.recording import Recording
+from ac_experiments.scenario import load
+from ac_experiments.simulate import designs_at, simulate
+
+
+@pytest.fixture(scope="module")
+def nominal() -> Recording:
+    return simulate(load("nominal"))
+
+
+def test_nominal_stays_at_rest(nominal: Recording):
+    summary = summarise(nominal)
+    assert summary["metrics"]["peak_pressure_error_kpa"] < 0.05
+    assert summary["metrics"]["peak_superheat_error_k"] < 0.05
+    assert summary["false_alarms"] == 0
+    assert not any(row.detected for row in nominal.status)
+
+
+def test_every_series_is_there_and_finite(nominal: Recording):
+    assert set(nominal.series) == set(SERIES)
+    for key, values in nominal.series.items():
+        assert values.shape == nominal.time_s.shape, key
+        assert np.isfinite(values).all(), key
+
+
+def test_two_runs_are_the_same_to_the_last_bit():
+    noise = [
+        "duration_s=60",
+        "noise={evaporator_pressure_kpa: 0.2, superheat_k: 0.1, wall_temperature_k: 0.05, seed: 3}",
+    ]
+    first, second = (simulate(load("nominal", noise)) for _ in range(2))
+    for key in SERIES:
+        assert np.array_equal(first.series[key], second.series[key]), key
+    assert [row.detected for row in first.status] == [row.detected for row in second.status]
+    other = simulate(load("nominal", [*noise, "noise.seed=4"]))
+    assert not np.array_equal(
+        first.series["measured/evaporator_pressure"], other.series["measured/evaporator_pressure"]
+    )
+
+
+def test_the_loop_passes_each_signal_on():
+    short = simulate(load("actuator_fault", ["duration_s=30", "faults.0.onset_s=10", "references={}"]))
+    series = short.series
+    fault = series["fault/compressor_speed:compressor"]
+    assert np.array_equal(series["actuator/command:compressor"], series["controller/command:compressor"] + fault)
+    assert np.array_equal(series["measured/superheat"], series["plant/superheat"])
+    # The fault acts on the plant over the sample after its onset, and not before.
+    onset = int(np.flatnonzero(fault)[0])
+    pressure = series["plant/evaporator_pressure"]
+    assert np.abs(np.diff(pressure[: onset + 1])).max() < 1.0
+    assert pressure[onset + 1] < pressure[onset] - 1.0
+
+
+@pytest.mark.parametrize("passive", [False, True])
+def test_actuator_fault(passive: bool):
+    summary = summarise(simulate(load("actuator_fault"), passive=passive))
+    (fault,) = summary["faults"]
+    assert fault["isolated_as"] == "compressor_speed"
+    assert fault["isolated_s"] - fault["onset_s"] < 60
+    assert summary["false_alarms"] == 0
+    if not passive:
+        assert summary["metrics"]["command_change_rpm"] == pytest.approx(-40, abs=1)
+        assert summary["metrics"]["peak_pressure_error_kpa"] < 1.0
+
+
+@pytest.mark.parametrize("passive", [False, True])
+def test_sensor_fault(passive: bool):
+    summary = summarise(simulate(load("sensor_fault"), passive=passive))
+    (fault,) = summary["faults"]
+    assert fault["isolated_as"] == "evaporator_pressure"
+    assert fault["isolated_s"] - fault["onset_s"] < 60
+    assert summary["false_alarms"] == 0
+    metrics = summary["metrics"]
+    if passive:
+        assert metrics["command_change_rpm"] == pytest.approx(50, abs=5)
+        assert metrics["steady_pressure_error_kpa"] == pytest.approx(-5, abs=0.2)
+    else:
+        assert abs(metrics["command_change_rpm"]) < 0.5
+        assert metrics["peak_pressure_error_kpa"] < 0.5
+
+
+def test_another_compensator_can_be_tried():
+    scenario = load("sensor_fault", ["duration_s=560"])
+    own = designs_at("med", scenario.sample_time_s)
+    assert np.array_equal(
+        simulate(scenario, designs=own).series["compensator/q:compressor"],
+        simulate(scenario).series["compensator/q:compressor"],
+    )

@@ -1,0 +1,185 @@
+"""Zones come and go: starts, stops, shut and open valves, large steps, and an hour of random inputs."""
+
+import numpy as np
+import pytest
+
+from ac_plant_node import POINTS, Plant, operating_point
+from ac_plant_node.calibration import RPM
+from ac_plant_node.dynamics.balances import INPUT_HIGH, INPUT_LOW, REGIME_C, REGIME_E
+from ac_plant_node.properties.lookup import saturation
+from ac_plant_node.properties.tables import load_tables
+
+
+class Ledger:
+    """Mass and energy of a plant against what they were."""
+
+    def __init__(self, plant):
+        self.plant, self.mass, self.energy = plant, plant.refrigerant_mass_kg, plant.stored_energy_j
+
+    def check(self, mass=1e-6, energy=1e-4):
+        plant = self.plant
+        assert abs(plant.refrigerant_mass_kg / self.mass - 1.0) < mass
+        assert abs(plant.stored_energy_j - self.energy - plant.heat_in_j) < energy * plant.heat_moved_j
+
+
+def regimes(plant):
+    return int(plant._aux[REGIME_E]), int(plant._aux[REGIME_C])
+
+
+@pytest.mark.parametrize("goal", POINTS)
+@pytest.mark.parametrize("start", POINTS)
+def test_step_between_operating_points_settles_on_the_equilibrium(start, goal):
+    """From high to low the superheated zone empties on the way; there is one place to settle all the same."""
+    plant = Plant.at(start)
+    ledger = Ledger(plant)
+    at = operating_point(goal)
+    plant.step(at.inputs, 600.0)
+    y = plant.step(at.inputs, 600.0)
+    assert abs(y[0] - at.outputs[0]) < 50.0
+    assert abs(y[1] - at.outputs[1]) < 0.02
+    np.testing.assert_allclose(plant.state[:9], at.state[:9], rtol=1e-6)
+    ledger.check()
+
+
+def test_high_to_low_passes_through_an_evaporator_without_superheat():
+    plant, w = Plant.at("high"), operating_point("low").inputs
+    seen = set()
+    for _ in range(300):
+        plant.step(w, 0.1)
+        seen.add(regimes(plant)[0])
+    assert seen == {0, 1}
+
+
+@pytest.mark.parametrize("point", POINTS)
+def test_reaches_table_one_from_five_per_cent_off(point):
+    """Every component of the state 5 % of its size off, charge as it was."""
+    at = operating_point(point)
+    s = at.conserved.copy()
+    s[:] *= np.array([1.05, 1.05, 1.0, 1.0, 1.05, 1.0, 1.0, 0.95, 1.0, 1.0, 0.95, 1.05])
+    s[5] -= s[0] - at.conserved[0]
+    s[2] += 1500.0
+    s[8] -= 1500.0
+    s[[3, 9]] += 1.0
+    plant = Plant(s, at.inputs)
+    first = plant.step(at.inputs, 0.0)
+    assert abs(first[0] / at.outputs[0] - 1.0) > 0.02
+    y = plant.step(at.inputs, 900.0)
+    assert abs(y[0] - at.outputs[0]) < 50.0
+    assert abs(y[1] - at.outputs[1]) < 0.02
+
+
+def test_shut_down_rests_at_equalised_pressure_and_starts_up_again():
+    plant = Plant.at("med")
+    ledger = Ledger(plant)
+    plant.advance(3600.0, compressor_speed_rpm=0.0)
+    y = plant.outputs
+    # 30 degC on both sides: everything settles at that saturation pressure.
+    tab = load_tables()
+    assert y.evaporator_pressure_pa == pytest.approx(y.condenser_pressure_pa, rel=1e-4)
+    assert saturation(tab, y.evaporator_pressure_pa)[0] - 273.15 == pytest.approx(30.0, abs=0.01)
+    assert y.wall_temperature_c == pytest.approx(30.0, abs=0.01)
+    assert abs(plant.heat_in_w) < 0.5
+    plant.advance(1500.0, compressor_speed_rpm=1000.0)
+    at = operating_point("med").outputs
+    assert abs(plant.outputs.evaporator_pressure_pa - at[0]) < 50.0
+    assert abs(plant.outputs.superheat_k - at[1]) < 0.02
+    ledger.check()
+
+
+def test_valve_shut_pumps_down_and_wide_open_floods():
+    plant = Plant.at("med")
+    ledger = Ledger(plant)
+    plant.advance(120.0, valve_opening_percent=0.0)
+    assert regimes(plant)[0] == 2
+    assert 15e3 < plant.outputs.evaporator_pressure_pa < 60e3
+    plant.advance(600.0, valve_opening_percent=100.0)
+    assert regimes(plant) == (1, 1)
+    assert plant.outputs.superheat_k == 0.0
+    plant.advance(1200.0, valve_opening_percent=40.0)
+    assert abs(plant.outputs.evaporator_pressure_pa - operating_point("med").outputs[0]) < 50.0
+    ledger.check()
+
+
+def test_compressor_off_the_charge_goes_where_it_is_cold():
+    plant = Plant.at("med")
+    ledger = Ledger(plant)
+    plant.advance(5000.0, compressor_speed_rpm=0.0, air_inlet_temperature_c=10.0)
+    assert regimes(plant) == (1, 2)
+    temperature = saturation(load_tables(), plant.outputs.evaporator_pressure_pa)[0] - 273.15
+    assert temperature == pytest.approx(10.0, abs=0.02)
+    ledger.check()
+
+
+def random_hour(seed, seconds=3600.0):
+    """One run of random inputs; returns extremes of the outputs, and what the balances say."""
+    rng = np.random.default_rng(seed)
+    plant = Plant.at(POINTS[seed % 3])
+    ledger = Ledger(plant)
+    elapsed, rows = 0.0, []
+    while elapsed < seconds:
+        w = rng.uniform(INPUT_LOW, INPUT_HIGH)
+        w[0] *= rng.random() > 0.1  # the compressor's clutch open, the valve shut: now and then exactly
+        w[1] *= rng.random() > 0.1
+        hold = rng.uniform(5.0, 60.0)
+        for _ in range(int(hold)):
+            y = plant.step(w, 1.0)
+            rows.append((*y, *plant.state))
+        elapsed += hold
+    table = np.array(rows)
+    ledger.check()
+    return table.min(axis=0), table.max(axis=0)
+
+
+def check_bounds(low, high):
+    """Physical bounds: p, SH, T_w, p_c, then the state x."""
+    assert np.isfinite(low).all()
+    assert np.isfinite(high).all()
+    assert low[0] > 15e3
+    assert high[0] < 2.0e6
+    assert low[1] >= 0.0
+    assert high[1] < 150.0
+    assert low[2] > -60.0
+    assert high[2] < 60.0
+    assert low[3] > 0.3e6
+    assert high[3] < 3.45e6
+    lengths = [4, 9, 10]
+    assert low[lengths].min() >= 0.0
+    assert high[lengths].max() <= 1.0
+    assert low[[7, 8, 13, 14, 15]].min() > 210.0
+    assert high[[7, 8, 13, 14, 15]].max() < 400.0
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_random_inputs_over_the_whole_box(seed):
+    check_bounds(*random_hour(seed))
+
+
+@pytest.mark.slow
+def test_random_inputs_for_a_day():
+    for seed in range(6, 24):
+        check_bounds(*random_hour(seed))
+
+
+def test_inputs_beyond_the_box_saturate():
+    plant, other = Plant.at("med"), Plant.at("med")
+    a = plant.step(np.array([9e3, 1.7, 2.0, 80.0]), 30.0)
+    b = other.step(INPUT_HIGH, 30.0)
+    assert (a == b).all()
+    assert (plant.inputs == INPUT_HIGH).all()
+    a = plant.step(np.array([-50.0 * RPM, -0.1, 0.0, -40.0]), 30.0)
+    assert (plant.inputs == INPUT_LOW).all()
+    assert np.isfinite(a).all()
+
+
+def test_regimes_meet_without_a_jump():
+    """Pressure as a function of mass and energy is continuous where the superheated zone vanishes and comes back."""
+    plant, w = Plant.at("high"), operating_point("low").inputs
+    before = plant.step(w, 0.01)
+    regime, jumps = regimes(plant)[0], 0
+    for _ in range(3000):
+        after = plant.step(w, 0.005)
+        if regimes(plant)[0] != regime:
+            regime, jumps = regimes(plant)[0], jumps + 1
+            assert abs(after[0] - before[0]) < 500.0
+        before = after
+    assert jumps >= 2
