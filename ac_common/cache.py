@@ -43,6 +43,11 @@ def source_fingerprint(*packages: str) -> str:
     return digest.hexdigest()
 
 
+def compiled_folder(*packages: str) -> Path:
+    """Return the folder for the compiled code of `packages`: another one as soon as one of their sources changes."""
+    return cache_folder() / f"compiled-{source_fingerprint(*packages)[:16]}"
+
+
 def fingerprint(content: Mapping[str, Any]) -> str:
     """Hash of JSON-like `content`, independent of the order of its keys."""
     text = json.dumps(content, sort_keys=True, allow_nan=True)

@@ -12,7 +12,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ac_common.cache import cache_folder, source_fingerprint
+from ac_common.cache import compiled_folder
 
 Array = NDArray[np.float64]
 """What compiled functions work on; each says in its docstring which shape."""
@@ -26,7 +26,7 @@ def compiler(*packages: str) -> Callable[[Any], Any]:
     *packages : str
         Every package whose functions are compiled into one another: a change in any of them compiles all anew.
     """
-    folder = str(cache_folder() / f"compiled-{source_fingerprint(*packages)[:16]}")
+    folder = str(compiled_folder(*packages))
 
     def jit(function: Any) -> Any:
         previous = numba.config.CACHE_DIR

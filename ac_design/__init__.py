@@ -1,1 +1,35 @@
 """Synthesis, offline, of what the nodes load: observer, isolation filter, controller, compensators."""
+
+from ac_design.store import (
+    all_blocks,
+    cached_design,
+    design_compensator,
+    design_controller,
+    design_fdi,
+    design_of,
+    write_designs,
+)
+from ac_design.weights import (
+    CONTROLLERS,
+    PAPER_CONTROLLER,
+    CompensatorWeights,
+    ControllerWeights,
+    FdiWeights,
+    SuperheatSensor,
+)
+
+__all__ = [
+    "CONTROLLERS",
+    "PAPER_CONTROLLER",
+    "CompensatorWeights",
+    "ControllerWeights",
+    "FdiWeights",
+    "SuperheatSensor",
+    "all_blocks",
+    "cached_design",
+    "design_compensator",
+    "design_controller",
+    "design_fdi",
+    "design_of",
+    "write_designs",
+]

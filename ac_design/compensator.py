@@ -26,13 +26,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.cache import Arrays
-from ac_design.controller_weights import CompensatorWeights, ControllerWeights, MatchingWeights
 from ac_design.fdi import RANK_NOISE, innovation_factors
 from ac_design.model import COMMAND_UNIT, OUTPUT_UNIT, design_model, to_si
 from ac_design.reach import OFFSETS, reach_excess
 from ac_design.report import BlockReport
 from ac_design.store import cached_design
-from ac_design.weights import FdiWeights
+from ac_design.weights import CompensatorWeights, ControllerWeights, FdiWeights, MatchingWeights
 from ac_plant_node import operating_point
 from fdi_node.detector import FdiDesign
 from gimc.interconnect import (

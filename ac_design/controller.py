@@ -14,9 +14,9 @@ from scipy.linalg import block_diag
 
 from ac_common.cache import Arrays
 from ac_common.units import KPA, RPM
-from ac_design.controller_weights import ControllerWeights
 from ac_design.model import COMMAND_UNIT, OUTPUT_UNIT, DesignModel, design_model, to_si
 from ac_design.report import BlockReport
+from ac_design.weights import ControllerWeights
 from ac_plant_node import operating_point
 from gimc.coprime import filter_gain
 from gimc.hinfsyn import hinf_synthesis

@@ -1,16 +1,35 @@
-"""Where the designs of all blocks are looked up and kept: computed once for each content that they depend on."""
+"""Designs of all blocks at an operating point: computed once for each content that they depend on, then kept."""
 
 import importlib
 import math
 import sys
-from dataclasses import asdict
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any
 
 from ac_common.cache import Arrays, cached, source_fingerprint
-from ac_common.sample_time import LONGEST_SAMPLE_TIME_S, SHORTEST_SAMPLE_TIME_S
+from ac_common.design_file import DESIGNED, design_name, to_bytes
+from ac_common.files import write_whole
+from ac_common.sample_time import DEFAULT_SAMPLE_TIME_S, LONGEST_SAMPLE_TIME_S, SHORTEST_SAMPLE_TIME_S
+from ac_common.topics import COMPENSATOR, CONTROLLER, FDI
+from ac_design.report import BlockReport
+from ac_design.weights import (
+    CONTROLLERS,
+    PAPER_CONTROLLER,
+    CompensatorWeights,
+    ControllerWeights,
+    FdiWeights,
+    SuperheatSensor,
+)
 from ac_plant_node import parameters_fingerprint
+from fdi_node import FdiDesign
+from gimc_controller_node import CompensatorDesign, ControllerDesign
 
-PACKAGES = ("gimc", "ac_plant_node", "fdi_node", "gimc_controller_node")
+PACKAGES = ("gimc", "ac_plant_node", "fdi_node", "gimc_controller_node", "ac_design")
+"""Those whose sources decide what a design is."""
+SYNTHESES = {2: ("fdi-two-sensors", "ac_design.fdi_two_sensors"), 3: ("fdi", "ac_design.fdi")}
+"""For each number of sensors: name in the cache, and the module that designs."""
 
 
 def cached_design(block: str, synthesis: str, point: str, sample_time_s: float, *weights: Any) -> Arrays:
@@ -55,3 +74,180 @@ def cached_design(block: str, synthesis: str, point: str, sample_time_s: float, 
         return arrays
 
     return cached(f"{block}-{point}", key, compute)
+
+
+def design_fdi(
+    point: str,
+    sample_time_s: float,
+    weights: FdiWeights | None = None,
+    sensors: int = 3,
+    superheat: SuperheatSensor | None = None,
+) -> FdiDesign:
+    """Return observer, isolation filter and thresholds at an operating point.
+
+    Parameters
+    ----------
+    point : str
+        "low", "med" or "high".
+    sample_time_s : float
+        0.01 to 0.1 s.
+    weights : FdiWeights, optional
+    sensors : int
+        3: p_e, superheat and the wall thermocouple. 2: without the thermocouple (the paper's E2 and E3).
+    superheat : "direct" or "derived", optional
+        How the superheat is measured; left out: as `weights` say.
+
+    Raises
+    ------
+    ValueError
+        For an unknown operating point, a sample time out of range, another number of sensors, or another sensor of the
+        superheat.
+    """
+    if sensors not in SYNTHESES:
+        raise ValueError(f"no isolation filter for {sensors} sensors; allowed: 2 or 3")
+    name, synthesis = SYNTHESES[sensors]
+    weights = weights or FdiWeights()
+    if superheat is not None:
+        weights = replace(weights, superheat=superheat)
+    return FdiDesign.from_arrays(cached_design(name, synthesis, point, sample_time_s, weights))
+
+
+def design_controller(point: str, sample_time_s: float, weights: ControllerWeights | None = None) -> ControllerDesign:
+    """Return K0 in coprime factors at an operating point.
+
+    Parameters
+    ----------
+    point : str
+        "low", "med" or "high".
+    sample_time_s : float
+        0.01 to 0.1 s.
+    weights : ControllerWeights, optional
+
+    Raises
+    ------
+    ValueError
+        For an unknown operating point or a sample time out of range.
+    """
+    arrays = cached_design("controller", "ac_design.controller", point, sample_time_s, weights or ControllerWeights())
+    return ControllerDesign.from_arrays(arrays)
+
+
+def design_compensator(
+    point: str,
+    sample_time_s: float,
+    weights: CompensatorWeights | None = None,
+    controller: ControllerWeights | None = None,
+    fdi: FdiWeights | None = None,
+) -> CompensatorDesign:
+    """Return guard, Q_act and Q_sen at an operating point, for the K0 and the observer of `controller` and `fdi`.
+
+    Raises
+    ------
+    ValueError
+        For an unknown operating point or a sample time out of range.
+    """
+    arrays = cached_design(
+        "compensator",
+        "ac_design.compensator",
+        point,
+        sample_time_s,
+        weights or CompensatorWeights(),
+        controller or ControllerWeights(),
+        fdi or FdiWeights(),
+    )
+    return CompensatorDesign.from_arrays(arrays)
+
+
+def design_of(
+    node: str,
+    point: str,
+    sample_time_s: float,
+    sensors: int = 3,
+    superheat: SuperheatSensor = "direct",
+    controller: str = "tracking",
+) -> FdiDesign | CompensatorDesign | ControllerDesign:
+    """Return the design of a node at an operating point.
+
+    Parameters
+    ----------
+    node : str
+        One of `ac_common.design_file.DESIGNED`.
+    point, sample_time_s, sensors, superheat
+        As in `design_fdi`; `sensors` is the detector's.
+    controller : str
+        Which K0: "tracking" or "paper".
+
+    Raises
+    ------
+    ValueError
+        As `design_fdi`.
+    """
+    weights = CONTROLLERS[controller]
+    makers: dict[str, Callable[[], FdiDesign | CompensatorDesign | ControllerDesign]] = {
+        FDI: lambda: design_fdi(point, sample_time_s, sensors=sensors, superheat=superheat),
+        COMPENSATOR: lambda: design_compensator(
+            point, sample_time_s, controller=weights, fdi=FdiWeights(superheat=superheat)
+        ),
+        CONTROLLER: lambda: design_controller(point, sample_time_s, weights),
+    }
+    return makers[node]()
+
+
+def write_designs(folder: Path, point: str, sample_time_s: float, **options: Any) -> dict[str, Path]:
+    """Write the design of each node that has one into `folder`, and return the files by node.
+
+    Parameters
+    ----------
+    folder : Path
+        Exists.
+    point, sample_time_s, **options
+        As in `design_of`.
+
+    Raises
+    ------
+    ValueError
+        As `design_of`.
+    RunError
+        When a file cannot be written.
+    """
+    files = {node: folder / design_name(node, point) for node in DESIGNED}
+    for node, file in files.items():
+        write_whole(file, to_bytes(design_of(node, point, sample_time_s, **options)))
+    return files
+
+
+def all_blocks(point: str, sample_time_s: float = DEFAULT_SAMPLE_TIME_S) -> list[BlockReport]:
+    """Return the reports of both K0, both rows of H and all Q at an operating point.
+
+    Parameters
+    ----------
+    point : str
+        "low", "med" or "high".
+    sample_time_s : float
+
+    Raises
+    ------
+    ValueError
+        For an unknown operating point, a sample time out of range, or a synthesis that fails its own checks.
+    """
+    controller, fdi = ControllerWeights(), FdiWeights()
+    k0 = cached_design("controller", "ac_design.controller", point, sample_time_s, controller)
+    paper = cached_design("controller-paper", "ac_design.controller", point, sample_time_s, PAPER_CONTROLLER)
+    h = cached_design("fdi", "ac_design.fdi", point, sample_time_s, fdi)
+    q = cached_design(
+        "compensator",
+        "ac_design.compensator",
+        point,
+        sample_time_s,
+        CompensatorWeights(),
+        controller,
+        fdi,
+    )
+    return [
+        BlockReport.from_array(k0["report"]),
+        replace(BlockReport.from_array(paper["report"]), block="K0_paper"),
+        *(
+            BlockReport.from_array(text)
+            for text in (h["report_H_N"], h["report_H_p"], q["report_Q_both"], q["report_Q_act"], q["report_Q_sen"])
+        ),
+    ]

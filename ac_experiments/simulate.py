@@ -6,73 +6,24 @@ graph of processes calls exactly these functions in this order, so both give the
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.errors import RunError
 from ac_common.topics import COMPENSATOR, CONTROLLER, SERIES
+from ac_experiments.designs import Designs, designs_of
 from ac_experiments.recording import AS_USUAL, Recording, StatusRow
 from ac_experiments.scenario import program
 from ac_experiments.scenario_schema import Scenario
 from ac_experiments.versions import software
 
-if TYPE_CHECKING:
-    from fdi_node import FdiDesign, SuperheatSensor
-    from gimc_controller_node import CompensatorDesign, ControllerDesign
-
 Progress = Callable[[int, int], None]
 
 #: Ticks between two calls of the progress function.
 PROGRESS_EVERY = 200
-
-
-@dataclass(frozen=True)
-class Designs:
-    """The three designs that the loop runs; replace one to try another detector, controller or compensator."""
-
-    fdi: "FdiDesign"
-    controller: "ControllerDesign"
-    compensator: "CompensatorDesign"
-
-
-def designs_at(
-    point: str,
-    sample_time_s: float,
-    sensors: int = 3,
-    superheat: "SuperheatSensor" = "direct",
-    controller: str = "tracking",
-) -> Designs:
-    """Designs of an operating point, "low", "med" or "high", from the cache when they are there.
-
-    `sensors` is 3, or 2 for a detector without the wall thermocouple; `superheat` is how the superheat is measured;
-    `controller` is which K0, "tracking" or "paper", with the compensator that belongs to it.
-    """
-    import fdi_node
-    import gimc_controller_node
-
-    weights = gimc_controller_node.CONTROLLERS[controller]
-    return Designs(
-        fdi=fdi_node.design(point, sample_time_s, sensors=sensors, superheat=superheat),
-        controller=gimc_controller_node.design_controller(point, sample_time_s, weights),
-        compensator=gimc_controller_node.design_compensator(
-            point, sample_time_s, controller=weights, fdi=fdi_node.FdiWeights(superheat=superheat)
-        ),
-    )
-
-
-def designs_of(scenario: Scenario) -> Designs:
-    """Designs that a scenario asks for."""
-    return designs_at(
-        scenario.operating_point,
-        scenario.sample_time_s,
-        scenario.sensors,
-        scenario.superheat_sensor,
-        scenario.controller,
-    )
 
 
 def simulate(

@@ -1,11 +1,16 @@
 """The plant at rest, from the cache: finding an equilibrium takes a solver that a running node can do without."""
 
-from ac_common.cache import Arrays, cached, source_fingerprint
-from ac_plant_node import parameters_fingerprint
+import contextlib
+
+from ac_common.cache import Arrays, cached, compiled_folder, source_fingerprint
+from ac_plant_node.fingerprint import parameters_fingerprint
+
+COMPILED_PACKAGES = ("ac_plant_node.properties", "ac_plant_node.parameters", "ac_plant_node.dynamics")
+"""As in `ac_plant_node.properties.compiled`, which loads a compiler."""
 
 
 def rest_at(point: str) -> Arrays:
-    """Fields `inputs`, `outputs`, `state` and `conserved` of `ac_plant_node.operating_point`.
+    """Return the fields `inputs`, `outputs`, `state` and `conserved` of `ac_plant_node.operating_point`.
 
     Raises
     ------
@@ -21,3 +26,23 @@ def rest_at(point: str) -> Arrays:
 
     key = {"point": point, "plant": parameters_fingerprint(), "code": source_fingerprint("ac_plant_node")}
     return cached(f"rest-{point}", key, find)
+
+
+def prepare(point: str) -> None:
+    """See that equilibrium and compiled code are in the cache: what nodes load in no time takes a minute to make.
+
+    Raises
+    ------
+    ValueError
+        For an unknown operating point.
+    """
+    rest_at(point)
+    done = compiled_folder(*COMPILED_PACKAGES) / "complete"
+    if done.exists():
+        return
+    from ac_plant_node import Plant
+
+    plant = Plant.at(point)
+    plant.advance(1.0)
+    with contextlib.suppress(OSError):  # a cache that cannot be written costs time, and nothing else
+        done.touch()

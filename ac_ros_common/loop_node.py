@@ -36,6 +36,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
+from ac_common.design_file import design_name, from_file, to_bytes
 from ac_common.files import write_whole
 from ac_common.topics import BY_NAME, OCCASIONAL, TOPICS, Topic
 from ac_common.wire import Packer, packer
@@ -178,15 +179,13 @@ class NodeShell(LifecycleNode):  # type: ignore[misc]
         """Value of a parameter."""
         return self.get_parameter(name).value
 
-    def design(self, kind: Any, **options: Any) -> Any:
-        """Design of class `kind` that the parameters ask for: a file's, or that of the operating point."""
-        from ac_design.design_file import design_of, from_file, to_bytes
-
-        sample_time_s = self.value("sample_time_s")
-        if self.value("design_file"):
-            design = from_file(kind, self.value("design_file"), sample_time_s)
-        else:
-            design = design_of(self.get_name(), self.value("operating_point"), sample_time_s, **options)
+    def design(self, kind: Any) -> Any:
+        """Return the design of class `kind` in the file that the parameter `design_file` names."""
+        file = self.value("design_file")
+        if not file:
+            example = design_name(self.get_name(), "med")
+            raise ValueError(f"no design_file given; `acftc design --out designs` makes one: designs/{example}")
+        design = from_file(kind, file, self.value("sample_time_s"))
         if self.value("design_copy"):
             write_whole(Path(self.value("design_copy")), to_bytes(design))
         return design

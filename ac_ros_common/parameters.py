@@ -36,7 +36,7 @@ class Parameter:
 AUTOSTART = Parameter(
     "autostart", True, "configure and activate at once; false leaves that to whoever manages the node"
 )
-OPERATING_POINT = Parameter("operating_point", "med", "operating point of the design", choices=("low", "med", "high"))
+OPERATING_POINT = Parameter("operating_point", "med", "operating point to start at", choices=("low", "med", "high"))
 PRIORITY = Parameter(
     "priority",
     0,
@@ -75,20 +75,14 @@ SUPERHEAT_SENSOR = Parameter(
     "direct: superheat is measured; derived: from an outlet thermocouple and the measured pressure",
     choices=("direct", "derived"),
 )
-CONTROLLER_WEIGHTS = Parameter(
-    "controller",
-    "tracking",
-    "tracking: K0 holds both references; paper: K0 after the paper's passive case, which leaves SH alone",
-    choices=("tracking", "paper"),
-)
-
-
 MEMORY_FILE = Parameter(
     "memory_file",
     "",
     "realtime: file in which the node keeps what it would have to know after a crash; empty: none",
 )
 
-DESIGN_FILE = Parameter("design_file", "", "file with a design of your own (.npz); empty: that of the operating point")
+DESIGN_FILE = Parameter(
+    "design_file", "", "file with the design (.npz), made by `acftc design --out` or a program of yours"
+)
 
 DESIGN_COPY = Parameter("design_copy", "", "where to leave a copy of the design in use; empty: nowhere")

@@ -13,10 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-import fdi_node
-from ac_design.design_file import to_bytes
+import ac_design
+from ac_common.design_file import to_bytes
 from ac_design.thresholds import noise_thresholds, residual_covariances, step_peaks
 from ac_plant_node import linearize, operating_point
+from fdi_node import FdiDesign
 from gimc import discretise
 
 FILE = Path("results/own_filter.npz")
@@ -25,9 +26,9 @@ SENSOR_NOISE = np.array([200.0, 0.1, 0.05])  # Pa, K, K rms
 FALSE_ALARMS_PER_HOUR = 1e-3
 
 
-def static_filter(point: str, sample_time_s: float) -> fdi_node.FdiDesign:
+def static_filter(point: str, sample_time_s: float) -> FdiDesign:
     """Our observer, a filter of your own behind it, and the thresholds that this filter needs."""
-    ours = fdi_node.design(point, sample_time_s)
+    ours = ac_design.design_fdi(point, sample_time_s)
     plant = discretise(linearize(point), sample_time_s, "zoh")
     air_step = 0.1 * operating_point(point).inputs[2]
 

@@ -12,9 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-import fdi_node
-import gimc_controller_node
-from ac_design.design_file import to_bytes
+import ac_design
+from ac_common.design_file import to_bytes
 from gimc_controller_node import CompensatorDesign
 
 FILE = Path("results/own_q.npz")
@@ -22,8 +21,8 @@ FILE = Path("results/own_q.npz")
 
 def estimate_and_subtract(point: str, sample_time_s: float) -> CompensatorDesign:
     """The same Q whatever is isolated: H keeps the two faults apart by itself."""
-    fdi = fdi_node.design(point, sample_time_s)
-    k0 = gimc_controller_node.design_controller(point, sample_time_s)
+    fdi = ac_design.design_fdi(point, sample_time_s)
+    k0 = ac_design.design_controller(point, sample_time_s)
     m, n = len(fdi.h_a), len(k0.phi)
     from_error, from_speed = k0.gamma[:, [0]], k0.gamma[:, [2]]  # columns of r - y in p_e, and of the compressor speed
     r_n, r_p = fdi.h_c[[0]], fdi.h_c[[1]]
@@ -37,7 +36,7 @@ def estimate_and_subtract(point: str, sample_time_s: float) -> CompensatorDesign
     b = np.vstack([fdi.h_b, from_error @ r_p_direct + from_speed @ r_n_direct])
     c = np.hstack([k0.d[:, [0]] @ r_p - speed @ r_n, k0.c])
     d = k0.d[:, [0]] @ r_p_direct - speed @ r_n_direct
-    ours = gimc_controller_node.design_compensator(point, sample_time_s)
+    ours = ac_design.design_compensator(point, sample_time_s)
     return CompensatorDesign(
         a=a,
         b=b,

@@ -101,6 +101,14 @@ class FdiDesign:
         matrices = {name: np.ascontiguousarray(arrays[name]) for name in names}
         return cls(sample_time_s=float(arrays["sample_time_s"]), supervision=Supervision(), **matrices)
 
+    def try_out(self) -> None:
+        """Work for one tick: matrices that do not fit show here, not when the loop runs."""
+        measured = np.array([2.5e5, 20.0, 15.0])
+        detector = FaultDetector(self)
+        detector.observe(0.0, measured, 30.0)
+        detector.commanded(np.array([100.0, 0.4]))
+        detector.observe(self.sample_time_s, measured, 30.0)
+
 
 class Detection(NamedTuple):
     """What the detector says at one tick.

@@ -17,26 +17,13 @@ from ac_ros_common.parameters import (
     DESIGN_FILE,
     MEMORY_FILE,
     MODE,
-    OPERATING_POINT,
     RUN_START,
     SAMPLE_TIME,
-    SENSORS,
-    SUPERHEAT_SENSOR,
 )
 from ac_ros_common.stuck_sensor import FROZEN_S, Frozen
 from fdi_node.sequencer import Turns
 
-PARAMETERS = (
-    OPERATING_POINT,
-    SAMPLE_TIME,
-    MODE,
-    RUN_START,
-    MEMORY_FILE,
-    SENSORS,
-    SUPERHEAT_SENSOR,
-    DESIGN_FILE,
-    DESIGN_COPY,
-)
+PARAMETERS = (SAMPLE_TIME, MODE, RUN_START, MEMORY_FILE, DESIGN_FILE, DESIGN_COPY)
 MEASURED = ("measured/evaporator_pressure", "measured/superheat", "measured/wall_temperature")
 #: How long the last measurement stands in for a missing one, s.
 HOLD_S = 0.3
@@ -50,12 +37,10 @@ class FdiNode(NodeShell):
         self._turns = Turns(self._observe, self._close)
 
     def configure(self) -> None:
-        """Load the design of the operating point."""
+        """Load the design."""
         from fdi_node import FaultDetector, FdiDesign
 
-        self._detector = FaultDetector(
-            self.design(FdiDesign, sensors=self.value("sensors"), superheat=self.value("superheat_sensor"))
-        )
+        self._detector = FaultDetector(self.design(FdiDesign))
         self._joins = self.run_start_ns >= 0
         self._start_ns = self.run_start_ns if self._joins else None
         self._frozen = Frozen(MEASURED)

@@ -27,9 +27,9 @@ from numpy.typing import NDArray
 from ac_common.cache import Arrays
 from ac_common.topics import FAULTS
 from ac_common.units import KPA, RPM
-from ac_design.controller_weights import CommandLimits
 from fdi_node.detector import same_shape
 from gimc_controller_node.authority import DESIGN_RANGE, Authority
+from gimc_controller_node.command_limits import CommandLimits
 from gimc_controller_node.reach import Reach
 
 Vector = NDArray[np.float64]
@@ -127,6 +127,10 @@ class CompensatorDesign:
         matrices = {name: np.ascontiguousarray(known[name]) for name in ("a", "b", "c", "d", *free)}
         names = ("handover_time_s", "fade_time_s", "washout_time_s", "sample_time_s")
         return cls(**matrices, **{name: float(arrays[name]) for name in names})  # type: ignore[arg-type]
+
+    def try_out(self) -> None:
+        """Work for one tick: matrices that do not fit show here, not when the loop runs."""
+        Compensator(self).step(np.array([1e3, 1.0, 1.0]), None, None, reference=(2.5e5, 20.0))
 
 
 _NUMBERS = ("_share", "_often", "_follows", "_isolated")

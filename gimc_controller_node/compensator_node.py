@@ -12,28 +12,22 @@ from ac_common.topics import COMPENSATOR
 from ac_experiments.recording import StatusRow
 from ac_ros_common.loop_node import MEMORY_AGE_S, NodeShell, run_node
 from ac_ros_common.parameters import (
-    CONTROLLER_WEIGHTS,
     DESIGN_COPY,
     DESIGN_FILE,
     MEMORY_FILE,
     MODE,
-    OPERATING_POINT,
     RUN_START,
     SAMPLE_TIME,
     SENSORS,
-    SUPERHEAT_SENSOR,
     Parameter,
 )
 
 PARAMETERS = (
-    OPERATING_POINT,
     SAMPLE_TIME,
     MODE,
     RUN_START,
     MEMORY_FILE,
     SENSORS,
-    SUPERHEAT_SENSOR,
-    CONTROLLER_WEIGHTS,
     DESIGN_FILE,
     DESIGN_COPY,
     Parameter("accommodate", True, "false leaves K0 alone: q fades to 0 whatever is isolated", live=True),
@@ -58,17 +52,12 @@ class CompensatorNode(NodeShell):
         self.add_post_set_parameters_callback(self._changed)
 
     def configure(self) -> None:
-        """Load the design of the operating point."""
+        """Load the design."""
         from gimc_controller_node import Compensator, CompensatorDesign
 
         if self.value("sensors") == 2 and self.value("accommodate"):
             raise ValueError(TWO_SENSORS)
-        self._compensator = Compensator(
-            self.design(
-                CompensatorDesign, superheat=self.value("superheat_sensor"), controller=self.value("controller")
-            ),
-            accommodate=self.value("accommodate"),
-        )
+        self._compensator = Compensator(self.design(CompensatorDesign), accommodate=self.value("accommodate"))
         self._joins = self.run_start_ns >= 0
         self._stepped_ns = -1
         self.on_tick(

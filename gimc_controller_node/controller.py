@@ -79,6 +79,11 @@ class ControllerDesign:
         matrices = {name: np.ascontiguousarray(known[name]) for name in cls.__dataclass_fields__}
         return cls(**{**matrices, "sample_time_s": float(arrays["sample_time_s"])})  # type: ignore[arg-type]
 
+    def try_out(self) -> None:
+        """Work for one tick: matrices that do not fit show here, not when the loop runs."""
+        measured = np.array([2.5e5, 20.0])
+        Controller(self).step(measured, measured, np.zeros(2))
+
 
 class Controller:
     """The controller's state and its step.

@@ -13,11 +13,9 @@ import numpy as np
 from ac_common.topics import CONTROLLER
 from ac_ros_common.loop_node import NodeShell, run_node
 from ac_ros_common.parameters import (
-    CONTROLLER_WEIGHTS,
     DESIGN_COPY,
     DESIGN_FILE,
     MODE,
-    OPERATING_POINT,
     RUN_START,
     SAMPLE_TIME,
     Parameter,
@@ -32,11 +30,9 @@ LIMITS = {
     "release_s": (0.0, 600.0, "how long a command must be below its cap before the cap is gone, s"),
 }
 PARAMETERS = (
-    OPERATING_POINT,
     SAMPLE_TIME,
     MODE,
     RUN_START,
-    CONTROLLER_WEIGHTS,
     DESIGN_FILE,
     DESIGN_COPY,
     *(
@@ -62,14 +58,12 @@ class ControllerNode(NodeShell):
         super().__init__(CONTROLLER, PARAMETERS)
 
     def configure(self) -> None:
-        """Load the design of the operating point."""
+        """Load the design."""
         from gimc_controller_node import Controller, ControllerDesign
         from gimc_controller_node.fallback import FallbackController
 
         limits = ProtectionLimits(**{name: self.value(f"protection.{name}") for name in LIMITS})
-        self._controller = FallbackController(
-            Controller(self.design(ControllerDesign, controller=self.value("controller"))), limits
-        )
+        self._controller = FallbackController(Controller(self.design(ControllerDesign)), limits)
         self._frozen = Frozen(("measured/evaporator_pressure", "measured/superheat"))
         self._setpoint: np.ndarray | None = None
         self._joins = self.run_start_ns >= 0

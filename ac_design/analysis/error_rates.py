@@ -14,8 +14,10 @@ from scipy.special import ndtr
 
 from ac_common.units import KPA, RPM
 from ac_design.model import sensor_noise
+from ac_design.store import design_fdi as design
 from ac_design.thresholds import residual_covariances
-from fdi_node import FdiDesign, FdiWeights, SuperheatSensor, design
+from ac_design.weights import FdiWeights, SuperheatSensor
+from fdi_node import FdiDesign
 
 Matrix = NDArray[np.float64]
 

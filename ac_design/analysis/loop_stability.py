@@ -16,12 +16,12 @@ from scipy.optimize import root
 from threadpoolctl import threadpool_limits
 
 from ac_common.units import KPA
+from ac_design.store import design_compensator, design_controller, design_fdi
 from ac_plant_node import OperatingPoint, linearize, operating_point
 from ac_plant_node.equilibrium import equilibrium
 from fdi_node import FdiDesign
-from fdi_node import design as design_fdi
 from gimc.sampled import discretise
-from gimc_controller_node import CompensatorDesign, ControllerDesign, design_compensator, design_controller
+from gimc_controller_node import CompensatorDesign, ControllerDesign
 
 Matrix = NDArray[np.float64]
 

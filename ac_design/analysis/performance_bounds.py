@@ -10,10 +10,11 @@ import numpy as np
 from scipy.optimize import linprog
 
 from ac_common.units import RPM
-from ac_design.controller_weights import QUICK_GUARD, CommandLimits, CompensatorWeights, MatchingWeights
+from ac_design.store import design_compensator
+from ac_design.weights import QUICK_GUARD, CompensatorWeights, MatchingWeights
 from ac_plant_node import linearize
 from gimc.sampled import discretise
-from gimc_controller_node import design_compensator
+from gimc_controller_node.command_limits import CommandLimits
 
 
 def smallest_peak_pa(point: str, sample_time_s: float, size_rad_s: float) -> float:
@@ -95,9 +96,10 @@ def attainable_peak_pa(point: str, sample_time_s: float, size_rad_s: float, tick
 def reached_peak_pa(point: str, sample_time_s: float, guard: MatchingWeights | None = None) -> float:
     """Peak of |p_e - p_e,r| in E5 on the nonlinear plant, with the guard in use or with another one."""
     from ac_common.units import KPA
+    from ac_experiments.designs import designs_at
     from ac_experiments.metrics import summarise
     from ac_experiments.scenario import load
-    from ac_experiments.simulate import designs_at, simulate
+    from ac_experiments.simulate import simulate
 
     overrides = [f"operating_point={point}", f"sample_time_s={sample_time_s:g}", "duration_s=620"]
     designs = designs_at(point, sample_time_s)

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.units import KPA
+from ac_design.store import design_controller
 from ac_plant_node import Plant, linearize, operating_point
 from gimc.sampled import discretise
-from gimc_controller_node import Controller, design_controller
+from gimc_controller_node import Controller
 
 Vector = NDArray[np.float64]
 

@@ -14,6 +14,7 @@ from ac_common.errors import BringupError
 from ac_common.files import write_whole
 from ac_common.sample_time import DEFAULT_SAMPLE_TIME_S
 from ac_common.units import KPA, RPM
+from ac_experiments.designs import Designs, designs_at
 from ac_experiments.metrics import summarise
 from ac_experiments.paper.judgement import AGREES, DIFFERS, Experiment, Finding, at_least, at_most, near, noted, toward
 from ac_experiments.paper.page import page
@@ -24,7 +25,7 @@ from ac_experiments.report.panels import charts_of
 from ac_experiments.report.paper_figures import ACCOMMODATION
 from ac_experiments.scenario import load
 from ac_experiments.scenario_schema import Air, Scenario
-from ac_experiments.simulate import Designs, designs_at, simulate
+from ac_experiments.simulate import simulate
 
 POINTS = ("low", "med", "high")
 #: A residual has this long to arrive at its fault, s.

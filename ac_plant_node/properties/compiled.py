@@ -5,9 +5,12 @@ from typing import Any
 
 from ac_common.compiled import Array, compiler
 
-__all__ = ["Array", "jit"]
+__all__ = ["COMPILED_PACKAGES", "Array", "jit"]
 
-_compile = compiler("ac_plant_node.properties", "ac_plant_node.parameters", "ac_plant_node.dynamics")
+COMPILED_PACKAGES = ("ac_plant_node.properties", "ac_plant_node.parameters", "ac_plant_node.dynamics")
+"""Those whose functions are compiled into one another."""
+
+_compile = compiler(*COMPILED_PACKAGES)
 
 
 def jit[F: Callable[..., Any]](function: F) -> F:

@@ -8,10 +8,11 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
+from ac_experiments.designs import designs_at
 from ac_experiments.recording import Recording
 from ac_experiments.scenario import load
 from ac_experiments.scenario_schema import Scenario
-from ac_experiments.simulate import designs_at, simulate
+from ac_experiments.simulate import simulate
 from ac_plant_node import Plant
 
 SCENARIO = "both_faults"

@@ -1,30 +1,45 @@
 """`acftc design`: every synthesis and its norms."""
 
+from pathlib import Path
+
 import click
 
+from ac_common.sample_time import DEFAULT_SAMPLE_TIME_S
 from bringup.commands.options import OneOf, examples, json_option
+from bringup.commands.outcome import make_folder
 from bringup.console import digits, print_json, print_table, without_nan
 
 
 @click.command(
     epilog=examples(
-        "acftc design # all three operating points", "acftc design --point med --json | jq '.med[] | {block, achieved}'"
+        "acftc design # all three operating points",
+        "acftc design --point med --json | jq '.med[] | {block, achieved}'",
+        "acftc design --out designs # files for nodes that are started alone",
     ),
     short_help="Every synthesis: norms, bounds, orders.",
 )
 @click.option("--point", type=OneOf(["low", "med", "high"]), help="Only this operating point. Default: all.")
+@click.option("--out", type=click.Path(), metavar="DIR", help="Write the designs into DIR, a file for each node.")
+@click.option(
+    "--sample-time", type=float, default=DEFAULT_SAMPLE_TIME_S, metavar="S", help="Sample time, s. Default: 0.1."
+)
 @json_option
-def design(point: str | None, as_json: bool) -> None:
+def design(point: str | None, out: str | None, sample_time: float, as_json: bool) -> None:
     """Show every synthesis: claimed and achieved norm, bound, order, regularisation, stability, time.
 
     What has been designed before comes from the cache; a changed parameter designs anew.
     """
     from dataclasses import asdict
 
-    from ac_design.overview import all_blocks
+    from ac_design import all_blocks, write_designs
 
     points = [point] if point else ["low", "med", "high"]
-    blocks = {name: [asdict(block) for block in all_blocks(name)] for name in points}
+    if out is not None:
+        folder = Path(out)
+        make_folder(folder)
+        for name in points:
+            write_designs(folder, name, sample_time)
+    blocks = {name: [asdict(block) for block in all_blocks(name, sample_time)] for name in points}
     if as_json:
         print_json(without_nan(blocks))
         return

@@ -10,7 +10,9 @@ from typing import Any, Self
 
 from ac_common.errors import BringupError, RunError, one_line
 from ac_common.topics import PLANT, RECORDER
+from ac_experiments.designs import write_designs_of
 from ac_experiments.scenario import check
+from ac_plant_node.rest import prepare
 from bringup.launch.launch import ACTIVATION_ORDER, node_arguments, node_parameters, start_again
 from bringup.launch.node_modules import MODULES
 from bringup.launch.processes import Child, Domain, ros_environment, start, stop
@@ -55,6 +57,8 @@ class OwnGraph:
     def __enter__(self) -> Self:
         # Processes first, and from this thread: a child ends with the thread that has started it.
         self._log.mkdir()
+        prepare(self._scenario.operating_point)
+        write_designs_of(self._scenario, self._log)
         self._parameters = node_parameters(self._scenario, Path(self._folder.name), "realtime", passive=False)
         self._parameters[PLANT]["ticks"] = 0  # it never stops
         for name, module in MODULES.items():

@@ -2,17 +2,20 @@
 
 import json
 from collections.abc import Iterable
+from typing import Any
 
-from ac_common.topics import COMPENSATOR, CONTROLLER, FDI, PLANT, SCENARIO
+from ac_common.cache import cache_folder
+from ac_common.topics import INJECTOR, PLANT, SCENARIO
+from ac_experiments.designs import write_designs_of
+from ac_experiments.scenario import check, load
+from ac_experiments.scenario_schema import Scenario
+from ac_plant_node.rest import prepare
 from bringup.launch.launch import ACTIVATION_ORDER
 from bringup.nodes.scenario import OFFSETS
 
-#: Nodes whose design, or rest, is that of an operating point.
-AT_A_POINT = (PLANT, FDI, COMPENSATOR, CONTROLLER)
 
-
-def scenario_at(given: str, point: str) -> str:
-    """Scenario of the node `scenario` for another operating point, as JSON.
+def scenario_at(given: str, point: str) -> Scenario:
+    """Return the scenario of the node `scenario` for another operating point.
 
     Parameters
     ----------
@@ -21,10 +24,8 @@ def scenario_at(given: str, point: str) -> str:
     point : str
         "low", "med" or "high".
     """
-    from ac_experiments.scenario import check, load
-
     scenario = check(json.loads(given)) if given.lstrip().startswith("{") else load(given)
-    return json.dumps({**scenario.model_dump(mode="json"), "operating_point": point})
+    return check({**scenario.model_dump(mode="json"), "operating_point": point})
 
 
 def reconfigure(names: Iterable[str], domain: int, point: str, scenario: str) -> None:
@@ -56,6 +57,18 @@ def reconfigure(names: Iterable[str], domain: int, point: str, scenario: str) ->
     from bringup.launch.supervisor import Supervisor
 
     new_scenario = scenario_at(scenario, point)
+    prepare(point)
+    folder = cache_folder() / "designs"
+    folder.mkdir(parents=True, exist_ok=True)
+    changes: dict[str, dict[str, Any]] = {
+        PLANT: {"operating_point": point},
+        INJECTOR: {"operating_point": point},
+        **{node: {"design_file": str(file)} for node, file in write_designs_of(new_scenario, folder).items()},
+        SCENARIO: {
+            "scenario": json.dumps(new_scenario.model_dump(mode="json")),
+            **{parameter.name: 0.0 for parameter in OFFSETS},
+        },
+    }
     order = [name for name in ACTIVATION_ORDER if name in set(names)]
     with Supervisor(dict.fromkeys(order), {**ros_environment(), "ROS_DOMAIN_ID": str(domain)}) as supervisor:
         supervisor.meet(order)
@@ -66,9 +79,6 @@ def reconfigure(names: Iterable[str], domain: int, point: str, scenario: str) ->
             if supervisor.state(name) == "inactive":
                 supervisor.change([name], Transition.TRANSITION_CLEANUP, "unconfigured")
         for name in order:
-            if name in AT_A_POINT:
-                supervisor.set_parameters(name, {"operating_point": point})
-        if SCENARIO in order:
-            nothing = {parameter.name: 0.0 for parameter in OFFSETS}
-            supervisor.set_parameters(SCENARIO, {"scenario": new_scenario, **nothing})
+            if name in changes:
+                supervisor.set_parameters(name, changes[name])
         supervisor.activate(order)

@@ -20,7 +20,7 @@ from ac_common.health import missed_ticks, reported
 from ac_common.topics import BY_NAME, COMPENSATOR, CONTROLLER, INJECTOR, PLANT
 from ac_common.units import KPA
 from ac_common.wire import NANOSECONDS, columns, stamps_ns
-from ac_design.design_file import design_of
+from ac_design import design_controller
 from ac_experiments.bags.reader import RawBag, first_stamp_ns, health_reports, loop_messages, read_bag, read_raw
 from ac_experiments.report.nodes import reports_of
 from bringup.benchmarks.figures import host_noise, start_host_noise
@@ -139,7 +139,7 @@ def gather(
 ) -> Evidence:
     """What a run has left, for the checks; `stalls` on the monotonic clock."""
     scenario = chosen.scenario
-    design = design_of(CONTROLLER, scenario.operating_point, scenario.sample_time_s)
+    design = design_controller(scenario.operating_point, scenario.sample_time_s)
     limits = Limits(design.command_min, design.command_max, design.command_rate * scenario.sample_time_s)
     recording, raw = read_bag(folder / "bag"), read_raw(folder / "bag")
     messages = loop_messages(raw, COMMAND)

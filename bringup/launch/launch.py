@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 import yaml
 
+from ac_common.design_file import DESIGNED, design_name
 from ac_common.errors import BringupError, InterruptedRunError, RunError
 from ac_common.health import MissedTick, missed_ticks, reported
 from ac_common.topics import (
@@ -26,10 +27,11 @@ from ac_common.topics import (
     RECORDER,
     SCENARIO,
 )
-from ac_design.design_file import DESIGNED
 from ac_experiments.bags.recorder import mend
+from ac_experiments.designs import write_designs_of
 from ac_experiments.scenario_schema import Scenario
 from ac_experiments.versions import software
+from ac_plant_node.rest import prepare
 from bringup.launch.keep_cpus_awake import AWAKE_VARIABLE, keep_awake
 from bringup.launch.node_modules import MODULES, parameter_file
 from bringup.launch.processes import Child, Domain, ros_environment, start, stop
@@ -112,6 +114,8 @@ def run_graph(
     domain = Domain()
     try:
         environment = {**ros_environment(), "ROS_DOMAIN_ID": str(domain.number)}
+        prepare(scenario.operating_point)
+        write_designs_of(scenario, out_dir / "log")
         parameters = node_parameters(scenario, out_dir, mode, passive, care)
         if beside is not None:
             beside(domain.number)
@@ -185,10 +189,9 @@ def node_parameters(
     scenario: Scenario, out_dir: Path, mode: Mode, passive: bool, care: bool = False
 ) -> dict[str, dict[str, Any]]:
     """Parameters of every node for this run."""
-    design = {"operating_point": scenario.operating_point, "sample_time_s": scenario.sample_time_s}
+    timing = {"sample_time_s": scenario.sample_time_s, "mode": mode}
+    point = {"operating_point": scenario.operating_point}
     superheat = {"superheat_sensor": scenario.superheat_sensor}
-    controller = {"controller": scenario.controller}
-    clock = {"mode": mode}
     content = scenario.model_dump(mode="json")
     run = {
         "scenario": content,
@@ -201,35 +204,38 @@ def node_parameters(
         "software": software(),
     }
     log = (out_dir / "log").resolve()
-    copies = {node: {"design_copy": str(log / f"{node}.npz")} for node in DESIGNED}
+    designs = {
+        node: {
+            "design_file": str(log / design_name(node, scenario.operating_point)),
+            "design_copy": str(log / f"{node}.npz"),
+        }
+        for node in DESIGNED
+    }
     memories = {node: {"memory_file": str(log / f"{node}.memory")} for node in (FDI, COMPENSATOR)}
     # The loop comes before whatever else the machine does, where that is asked for and allowed; recording waits.
     priority = {"priority": REALTIME_PRIORITY, "realtime_care": True} if mode == "realtime" and care else {}
     parameters: dict[str, dict[str, Any]] = {
-        PLANT: {**design, **clock, "ticks": scenario.ticks},
+        PLANT: {**timing, **point, "ticks": scenario.ticks},
         INJECTOR: {
-            **design,
-            **clock,
+            **timing,
+            **point,
             "noise_std": [float(std) for std in scenario.noise.std],
             "seed": scenario.noise.seed,
             **superheat,
         },
-        FDI: {**design, **clock, **memories[FDI], **copies[FDI], "sensors": scenario.sensors, **superheat},
+        FDI: {**timing, **memories[FDI], **designs[FDI]},
         COMPENSATOR: {
-            **design,
-            **clock,
+            **timing,
             **memories[COMPENSATOR],
-            **copies[COMPENSATOR],
-            **superheat,
-            **controller,
+            **designs[COMPENSATOR],
             "sensors": scenario.sensors,
             "accommodate": not passive,
         },
-        CONTROLLER: {**design, **clock, **copies[CONTROLLER], **controller},
-        SCENARIO: {"scenario": json.dumps(content), **clock},
+        CONTROLLER: {**timing, **designs[CONTROLLER]},
+        SCENARIO: {"scenario": json.dumps(content), "mode": mode},
     }
     parameters = {name: {**own, **priority} for name, own in parameters.items()}
-    told_elsewhere = ("scenario", "design_copy", "memory_file")
+    told_elsewhere = ("scenario", "design_file", "design_copy", "memory_file")
     run["parameters"] = {
         name: {key: value for key, value in own.items() if key not in told_elsewhere}
         for name, own in parameters.items()
@@ -298,7 +304,7 @@ def _prepare(out_dir: Path) -> None:
     own = [
         f"{name}{end}"
         for name in MODULES
-        for end in (".log", ".yaml", ".changed.yaml", ".npz", ".memory", ".memory.new")
+        for end in (".log", ".yaml", ".changed.yaml", ".npz", "-*.npz", ".memory", ".memory.new")
     ]
     try:
         for part, patterns in (("bag", ["*.mcap", "metadata.yaml"]), ("log", own)):

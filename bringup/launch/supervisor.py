@@ -314,8 +314,8 @@ class Supervisor:
                 msg = f"the nodes did not get ready in {self.patience_s:g} s: {what()}"
                 raise RunError(msg)
 
-    #: How long all nodes together may take for one step; a design that is not in the cache yet takes its time.
-    patience_s = 900.0
+    #: How long all nodes together may take for one step; they only load, but the machine may have much else to do.
+    patience_s = 60.0
 
     def spin(self) -> None:
         """Handle one message or event; complain when a process has died."""

@@ -11,9 +11,9 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import deserialize_message
 
+from ac_common.design_file import ATTACHMENT, DESIGNED
 from ac_common.topics import BY_NAME, CLOCK, DIAGNOSTICS, OCCASIONAL, PLANT, RECORDER, TOPICS
 from ac_common.wire import stamp_ns
-from ac_design.design_file import ATTACHMENT, DESIGNED
 from ac_experiments.bags.recorder import BagWriter, RecordedTopic
 from ac_ros_common.inputs import Arrival, Subscriptions
 from ac_ros_common.loop_node import DEADLINE_S, DEPTH, IDLE_S, LOOP_QOS, PLAIN_QOS, NodeShell, run_node

@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ac_common.design_file import ATTACHMENT, DESIGNED
 from ac_common.errors import BringupError, RunError
 from ac_common.topics import PLANT, RECORDER, TOPICS, Topic
 from ac_common.wire import restamped, stamp_ns
-from ac_design.design_file import ATTACHMENT, DESIGNED
 from ac_experiments.bags.reader import RawBag, decode, loop_messages, read_raw, run_of
+from ac_experiments.designs import write_designs_of
 from ac_experiments.scenario_schema import Scenario
 from ac_experiments.versions import plant, same_plant
 from bringup.launch.launch import node_arguments, node_parameters
@@ -99,7 +100,7 @@ def replay(
         with tempfile.TemporaryDirectory(prefix="acftc-replay-") as folder:
             own = {
                 **_parameters(scenario, run["passive"], node, Path(folder)),
-                **_design(raw, node, Path(folder)),
+                **_design(raw, scenario, node, Path(folder)),
                 **(parameters or {}),
             }
             arguments = node_arguments(MODULES[node], node, own, Path(folder))
@@ -118,11 +119,13 @@ def _parameters(scenario: Scenario, passive: bool, node: str, folder: Path) -> d
     return {**own, **changes.get(node, {})}
 
 
-def _design(raw: RawBag, node: str, folder: Path) -> dict[str, Any]:
+def _design(raw: RawBag, scenario: Scenario, node: str, folder: Path) -> dict[str, Any]:
     """The design of the recorded run as a parameter: another machine's synthesis would round differently."""
+    if node not in DESIGNED:
+        return {}
     content = raw.attachments.get(ATTACHMENT.format(node))
     if content is None:
-        return {}
+        return {"design_file": str(write_designs_of(scenario, folder)[node])}
     file = folder / "design.npz"
     file.write_bytes(content)
     return {"design_file": str(file)}

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.units import KPA, RPM
+from ac_experiments.designs import designs_at
 from ac_experiments.metrics import summarise
 from ac_experiments.recording import Recording
 from ac_experiments.scenario import load
-from ac_experiments.simulate import designs_at, simulate
+from ac_experiments.simulate import simulate
 
 PAGE = "docs/control.md"
 POINTS = ("low", "med", "high")

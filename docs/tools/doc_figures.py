@@ -20,10 +20,11 @@ from pathlib import Path
 from typing import Any
 
 from ac_common.units import KPA, RPM
+from ac_experiments.designs import Designs, designs_at
 from ac_experiments.metrics import summarise
 from ac_experiments.recording import Recording
 from ac_experiments.scenario import load
-from ac_experiments.simulate import Designs, designs_at, simulate
+from ac_experiments.simulate import simulate
 from ac_plant_node.rest import rest_at
 from docs.tools import control_figures
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from ac_common.cache import source_fingerprint
+from ac_design import FdiWeights
 from ac_design.store import cached_design
 from ac_plant_node.parameters.file import PLANT_VARIABLE
-from fdi_node import FdiWeights
 
 SYNTHESIS = """
 import numpy as np

@@ -8,13 +8,12 @@ from scipy.linalg import expm
 
 from ac_common.cache import Arrays
 from ac_common.units import KPA, RPM
+from ac_design import ControllerWeights, FdiWeights, design_compensator
+from ac_design import design_fdi as design
 from ac_design.model import FAULT_UNIT, OUTPUT_UNIT, design_model
-from ac_design.overview import all_blocks
-from ac_design.store import cached_design
+from ac_design.store import all_blocks, cached_design
 from ac_plant_node import linearize, operating_point
-from fdi_node import FdiWeights, design
 from gimc.structure import closed_loop, disturbance_factor, fault_factor
-from gimc_controller_node import ControllerWeights, design_compensator
 
 SAMPLE_TIME_S = 0.1
 POINT = "med"

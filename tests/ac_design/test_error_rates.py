@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from ac_common.units import KPA, RPM
+from ac_design import FdiWeights
+from ac_design import design_fdi as design
 from ac_design.analysis.error_rates import error_rates, simulated_residuals
 from ac_design.model import sensor_noise
-from fdi_node import FdiWeights, design
 
 FAULTS = (10.0 * RPM, 1.25 * KPA)
 """A quarter of the paper's faults."""

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from ac_common.units import KPA, RPM
+from ac_design import PAPER_CONTROLLER, design_compensator, design_controller, design_fdi
 from ac_design.analysis.loop_stability import LARGEST_MARGIN, loop_matrix, medium_at, own_away
 from ac_design.analysis.performance_bounds import attainable_peak_pa, smallest_peak_pa
+from ac_experiments.designs import designs_at
 from ac_experiments.metrics import summarise
 from ac_experiments.scenario import load
-from ac_experiments.simulate import designs_at, simulate
+from ac_experiments.simulate import simulate
 from ac_plant_node import linearize
-from fdi_node import design as design_fdi
-from gimc_controller_node import PAPER_CONTROLLER, design_compensator, design_controller
 
 SAMPLE_TIME_S = 0.1
 

@@ -4,11 +4,11 @@ from typing import get_args
 
 import pytest
 
+from ac_design import CONTROLLERS
 from ac_experiments.metrics import summarise
 from ac_experiments.scenario import load
 from ac_experiments.scenario_schema import Scenario
 from ac_experiments.simulate import simulate
-from gimc_controller_node import CONTROLLERS
 
 
 def test_every_controller_that_a_scenario_may_name_has_weights() -> None:

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from ac_common.units import KPA, RPM
+from ac_design import design_controller
 from ac_design.analysis.step_response import overshoot, run
 from ac_plant_node import Plant, operating_point
-from gimc_controller_node import Controller, design_controller
+from gimc_controller_node import Controller
 
 SAMPLE_TIME_S = 0.1
 

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from ac_design import design_controller
 from ac_design.analysis.step_response import STEPS_KPA, overshoot, run, there_and_back
 from ac_plant_node import operating_point
-from gimc_controller_node import Controller, design_controller
+from gimc_controller_node import Controller
 
 SAMPLE_TIME_S = 0.1
 STEPS = [(point, step_kpa) for point, steps in STEPS_KPA.items() for step_kpa in steps]

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from ac_common.topics import SERIES
+from ac_experiments.designs import designs_at
 from ac_experiments.metrics import summarise
 from ac_experiments.recording import Recording
 from ac_experiments.scenario import load
-from ac_experiments.simulate import designs_at, simulate
+from ac_experiments.simulate import simulate
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ import pytest
 from click.testing import CliRunner
 from mcap.reader import make_reader
 
-from ac_design.design_file import from_file
+from ac_common.design_file import from_file
 from ac_experiments.bags.reader import read_bag, read_raw
 from ac_experiments.metrics import summarise
 from ac_experiments.recording import Recording

@@ -5,10 +5,11 @@ import pytest
 
 from ac_common.errors import BringupError
 from ac_common.units import KPA, RPM
+from ac_design import design_fdi as design
 from ac_experiments.metrics import summarise
 from ac_experiments.scenario import load
 from ac_experiments.simulate import simulate
-from fdi_node import FaultDetector, design
+from fdi_node import FaultDetector
 
 
 @pytest.mark.parametrize("sensors", [2, 3])

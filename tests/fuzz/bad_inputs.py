@@ -29,9 +29,10 @@ import click
 import numpy as np
 from mutations import spoiled_bag, spoiled_npz, spoiled_text, spoiled_yaml
 
+from ac_common.design_file import from_file, to_bytes
 from ac_common.health import health_of
 from ac_common.topics import FDI
-from ac_design.design_file import design_of, from_file, to_bytes
+from ac_design import design_of
 from ac_experiments.bags.reader import health_reports, read_bag, read_raw, run_of
 from ac_experiments.bags.recorder import BagWriter, RecordedTopic
 from ac_experiments.metrics import summarise

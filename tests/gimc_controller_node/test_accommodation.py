@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ac_common.units import KPA, RPM
 from ac_design.analysis.performance_bounds import reached_peak_pa, smallest_peak_pa
-from ac_design.controller_weights import QUICK_GUARD
+from ac_design.weights import QUICK_GUARD
 from ac_experiments.metrics import summarise
 from ac_experiments.recording import Recording
 from ac_experiments.scenario import load

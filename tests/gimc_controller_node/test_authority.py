@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from ac_common.units import KPA, RPM
+from ac_experiments.designs import designs_at
 from ac_experiments.recording import Recording
 from ac_experiments.scenario_schema import Scenario
-from ac_experiments.simulate import designs_at, simulate
+from ac_experiments.simulate import simulate
 from gimc_controller_node import Compensator
 from gimc_controller_node.authority import (
     FIRST_WAIT_S,

@@ -10,9 +10,11 @@ from hypothesis import strategies as st
 
 from ac_common.safe_command import COMMAND_HOLD_S, SAFE_RATE, CommandHold
 from ac_common.topics import FAULTS
+from ac_design import design_compensator, design_controller
+from ac_design import design_fdi as design
 from bringup.launch.restart_policy import BACKOFF_S, MOST, WINDOW_S, RestartPolicy
-from fdi_node import FaultDetector, design
-from gimc_controller_node import Compensator, Controller, design_compensator, design_controller
+from fdi_node import FaultDetector
+from gimc_controller_node import Compensator, Controller
 from gimc_controller_node.fallback import GIMC, K0_ALONE, SAFE, FallbackController
 
 T = 0.1

@@ -9,12 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ac_common.units import RPM
+from ac_design import design_controller
 from ac_experiments.bags.reader import read_bag
 from ac_experiments.scenario import built_in_scenarios, check, load
 from ac_experiments.scenario_schema import Scenario
 from ac_experiments.simulate import simulate
 from bringup.launch.launch import run_graph
-from gimc_controller_node import Controller, design_controller
+from gimc_controller_node import Controller
 from gimc_controller_node.fallback import FallbackController
 from gimc_controller_node.protection import COLD, DRY, IDLE, UP, ProtectionLimits, protect
 

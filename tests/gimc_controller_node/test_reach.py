@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ac_common.units import KPA
+from ac_design import design_compensator, design_controller, design_fdi
 from ac_design.analysis.loop_stability import ROWS, loop_stability, plant_away
 from ac_design.reach import MARGIN
 from ac_experiments.scenario import check
 from ac_experiments.simulate import simulate
-from fdi_node import design as design_fdi
-from gimc_controller_node import Compensator, design_compensator, design_controller
+from gimc_controller_node import Compensator
 from gimc_controller_node.reach import SLOWER_UP, Reach
 
 T, FADE_S = 0.1, 5.0

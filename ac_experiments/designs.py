@@ -1,0 +1,77 @@
+"""The designs that a scenario asks for, for the loop in one process and as files for the nodes."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ac_design import (
+    CONTROLLERS,
+    FdiWeights,
+    SuperheatSensor,
+    design_compensator,
+    design_controller,
+    design_fdi,
+    write_designs,
+)
+from ac_experiments.scenario_schema import Scenario
+from fdi_node import FdiDesign
+from gimc_controller_node import CompensatorDesign, ControllerDesign
+
+
+@dataclass(frozen=True)
+class Designs:
+    """The three designs that the loop runs; replace one to try another detector, controller or compensator."""
+
+    fdi: FdiDesign
+    controller: ControllerDesign
+    compensator: CompensatorDesign
+
+
+def designs_at(
+    point: str,
+    sample_time_s: float,
+    sensors: int = 3,
+    superheat: SuperheatSensor = "direct",
+    controller: str = "tracking",
+) -> Designs:
+    """Designs of an operating point, "low", "med" or "high", from the cache when they are there.
+
+    `sensors` is 3, or 2 for a detector without the wall thermocouple; `superheat` is how the superheat is measured;
+    `controller` is which K0, "tracking" or "paper", with the compensator that belongs to it.
+    """
+    weights = CONTROLLERS[controller]
+    return Designs(
+        fdi=design_fdi(point, sample_time_s, sensors=sensors, superheat=superheat),
+        controller=design_controller(point, sample_time_s, weights),
+        compensator=design_compensator(point, sample_time_s, controller=weights, fdi=FdiWeights(superheat=superheat)),
+    )
+
+
+def designs_of(scenario: Scenario) -> Designs:
+    """Designs that a scenario asks for."""
+    return designs_at(
+        scenario.operating_point,
+        scenario.sample_time_s,
+        scenario.sensors,
+        scenario.superheat_sensor,
+        scenario.controller,
+    )
+
+
+def write_designs_of(scenario: Scenario, folder: Path) -> dict[str, Path]:
+    """Write the designs that a scenario asks for into `folder`, one file for each node that has one; return the files.
+
+    Raises
+    ------
+    ValueError
+        As `ac_design.design_of`.
+    RunError
+        When a file cannot be written.
+    """
+    return write_designs(
+        folder,
+        scenario.operating_point,
+        scenario.sample_time_s,
+        sensors=scenario.sensors,
+        superheat=scenario.superheat_sensor,
+        controller=scenario.controller,
+    )
