@@ -10,6 +10,9 @@ from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
+#: What a node announces when it does nothing out of the ordinary any more.
+AS_USUAL = "as usual again"
+
 
 @dataclass(frozen=True)
 class NodeHealth:
@@ -113,3 +116,41 @@ def reported(values: Mapping[str, str], key: str, otherwise: float = math.nan) -
     except (KeyError, ValueError):
         return otherwise
     return value if math.isfinite(value) else otherwise
+
+
+@dataclass
+class Restart:
+    """One restart of a node, times in s since the first tick.
+
+    Attributes
+    ----------
+    died_s : when bringup saw that the process was gone.
+    back_s : when the node was back in service; nan while it is not.
+    reason : signal or exit code, and its last words.
+    """
+
+    node: str
+    died_s: float
+    reason: str
+    back_s: float = float("nan")
+
+    @property
+    def is_back(self) -> bool:
+        """Whether the node is back in service."""
+        return math.isfinite(self.back_s)
+
+    def __str__(self) -> str:
+        """What happened, in words, without the node's name."""
+        then = f"back in service {self.back_s - self.died_s:.1f} s later" if self.is_back else "not back in service"
+        return f"died ({self.reason}) and was started again; {then}"
+
+
+def read_restarts(text: str) -> list[Restart]:
+    """All restarts of bringup's health report, in order; none where it holds something else."""
+    try:
+        return [
+            Restart(str(item["node"]), float(item["died_s"]), str(item["reason"]), float(item["back_s"]))
+            for item in json.loads(text)
+        ]
+    except (ValueError, TypeError, KeyError):
+        return []

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.errors import shortened
-from ac_common.topics import CLOCK, DIAGNOSTICS, FAULTS, JOINT_FIELD, JOINTS, PRESSURE, TEMPERATURE, Topic
-from ac_experiments.recording import StatusRow
+from ac_common.fdi_status import StatusRow, status_text, status_values
+from ac_common.topics import CLOCK, DIAGNOSTICS, JOINT_FIELD, JOINTS, PRESSURE, TEMPERATURE, Topic
 
 NANOSECONDS = 1_000_000_000
 
@@ -149,25 +149,13 @@ def _template(topic: Topic) -> tuple[bytearray, list[int]]:
 
 
 def pack_status(time_ns: int, row: StatusRow) -> bytes:
-    """``fdi/status``: numbers as the shortest text that reads back to the same bits."""
+    """Return a message of ``fdi/status``."""
     sink = _Sink()
     sink.header(time_ns, "")
     sink.number(1)
     sink.data += b"\x01" if row.detected else b"\x00"  # WARN, OK
-    if row.isolated is not None:
-        text = f"fault isolated: {row.isolated}" + (f", {row.also_isolated}" if row.also_isolated else "")
-    else:
-        text = "fault detected, not yet isolated" if row.detected else "no fault"
-    values = {
-        "detected": "true" if row.detected else "false",
-        "isolated": row.isolated or "",
-        "also_isolated": row.also_isolated or "",
-        "size": repr(float(row.size)),
-        "onset_s": repr(float(row.onset_s)),
-        "isolated_s": repr(float(row.isolated_s)),
-        **{f"threshold/{fault}": repr(float(limit)) for fault, limit in zip(FAULTS, row.thresholds, strict=True)},
-    }
-    for word in ("fdi", text, ""):  # name, message, hardware
+    values = status_values(row)
+    for word in ("fdi", status_text(row), ""):  # name, message, hardware
         sink.text(word)
     sink.number(len(values))
     for key, value in values.items():
@@ -303,31 +291,3 @@ def read_diagnostics(data: bytes) -> list[Diagnostic]:
         pairs = [(source.text(), source.text()) for _ in range(source.count(2 * 4))]
         found.append(Diagnostic(name, message, dict(pairs)))
     return found
-
-
-def status_row(values: dict[str, str], time_s: float) -> StatusRow:
-    """``fdi/status`` from its key-value pairs.
-
-    Raises
-    ------
-    ValueError
-        When they are not what `pack_status` writes.
-    """
-    try:
-        isolated, also_isolated = (values[key] or None for key in ("isolated", "also_isolated"))
-        for named in (isolated, also_isolated):
-            if named is not None and named not in FAULTS:
-                raise ValueError(named)
-        return StatusRow(
-            time_s=time_s,
-            detected={"true": True, "false": False}[values["detected"]],
-            isolated=isolated,
-            size=float(values["size"]),
-            onset_s=float(values["onset_s"]),
-            isolated_s=float(values["isolated_s"]),
-            thresholds=(float(values[f"threshold/{FAULTS[0]}"]), float(values[f"threshold/{FAULTS[1]}"])),
-            also_isolated=also_isolated,
-        )
-    except (KeyError, ValueError) as problem:
-        msg = f"fdi/status: {type(problem).__name__} {shortened(problem)}"
-        raise ValueError(msg) from None

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.units import KPA
-from ac_design.analysis.loop_stability import ROWS, loop_matrix, plant_away
+from ac_design.closed_loop import ROWS, loop_matrix, plant_away
 from fdi_node.detector import FdiDesign
 from gimc_controller_node.compensator import CompensatorDesign
 from gimc_controller_node.controller import ControllerDesign

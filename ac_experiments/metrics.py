@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.errors import BringupError
+from ac_common.fdi_status import StatusRow
 from ac_common.files import write_whole
 from ac_common.topics import FAULTS
 from ac_common.units import FAULT_UNITS, KPA, RPM
-from ac_experiments.recording import Recording, StatusRow
+from ac_experiments.recording import Recording
 
 #: "At rest" and "just before" are averages over this long, s.
 WINDOW_S = 20.0

@@ -1,30 +1,12 @@
 """What a run leaves behind, as arrays: the same for a bag read back and for the loop run in one process."""
 
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-
-class StatusRow(NamedTuple):
-    """One message of ``fdi/status``: what the supervision of the residuals said at one tick.
-
-    Times count from the first tick of the run. Nan stands for "not yet".
-    """
-
-    time_s: float
-    detected: bool
-    isolated: str | None  # "compressor_speed", "evaporator_pressure" or None
-    size: float  # estimate of the isolated fault: rad/s or Pa
-    onset_s: float
-    isolated_s: float
-    thresholds: tuple[float, float]  # of the two residuals: rad/s, Pa
-    also_isolated: str | None = None  # with both faults isolated: the one before `isolated`
-
-
-#: What a node announces when it does nothing out of the ordinary any more.
-AS_USUAL = "as usual again"
+from ac_common.fdi_status import StatusRow
 
 
 @dataclass

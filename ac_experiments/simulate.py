@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.errors import RunError
+from ac_common.fdi_status import StatusRow
+from ac_common.health import AS_USUAL
 from ac_common.topics import COMPENSATOR, CONTROLLER, SERIES
 from ac_experiments.designs import Designs, designs_of
-from ac_experiments.recording import AS_USUAL, Recording, StatusRow
+from ac_experiments.recording import Recording
 from ac_experiments.scenario import program
 from ac_experiments.scenario_schema import Scenario
 from ac_experiments.versions import software

@@ -38,18 +38,18 @@ from rclpy.subscription import Subscription
 
 from ac_common.design_file import design_name, from_file, to_bytes
 from ac_common.files import write_whole
+from ac_common.health import AS_USUAL
 from ac_common.topics import BY_NAME, OCCASIONAL, TOPICS, Topic
 from ac_common.wire import Packer, packer
-from ac_experiments.recording import AS_USUAL
 from ac_ros_common.exit_watchdog import exit_within
 from ac_ros_common.health_publisher import Health
 from ac_ros_common.inputs import Gate, LoopInputs, Subscriptions
 from ac_ros_common.messages import message_class
 from ac_ros_common.parameters import COMMON, Parameter
+from ac_ros_common.process_exit import DISK_FULL, end_with_parent, leave
 from ac_ros_common.rclpy_init import ArgumentError, init
 from ac_ros_common.realtime import Care, set_own_priority, set_priority, sleep_until
 from ac_ros_common.tick_sync import TickSet, Timeline, WallClockSet
-from bringup.launch.processes import DISK_FULL, end_with_parent, leave
 
 #: How far behind a subscriber (the recorder above all) may fall before a message is lost, in ticks.
 DEPTH = 1000

@@ -7,8 +7,9 @@ from typing import Any
 
 from rclpy.serialization import deserialize_message
 
+from ac_common.fdi_status import status_row
 from ac_common.topics import DIAGNOSTICS, JOINT_FIELD, JOINTS, PRESSURE, TEMPERATURE, Topic
-from ac_common.wire import NANOSECONDS, read_diagnostics, status_row, unpacker
+from ac_common.wire import NANOSECONDS, read_diagnostics, unpacker
 from ac_common.wire import stamp_ns as serialised_stamp_ns
 
 Values = tuple[Any, ...]

@@ -13,11 +13,20 @@ from pathlib import Path
 
 import numpy as np
 
-from bringup.launch.keep_cpus_awake import AWAKE_VARIABLE, has_idle_driver
-
+#: Says which driver puts idle processors to sleep; "none": they are just halted.
+IDLE_DRIVER = Path("/sys/devices/system/cpu/cpuidle/current_driver")
+#: Set for nodes whose bringup keeps the processors awake.
+AWAKE_VARIABLE = "ACFTC_PROCESSORS_AWAKE"
 #: Lock what is there and what comes, but only pages that are touched: the whole address space would be ten times more.
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 CPU_DMA_LATENCY = Path("/dev/cpu_dma_latency")
+
+
+def has_idle_driver() -> bool:
+    """Whether the kernel can be asked not to let processors doze."""
+    with contextlib.suppress(OSError):
+        return IDLE_DRIVER.read_text().strip() != "none"
+    return False
 
 
 class Care:

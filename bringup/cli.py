@@ -145,7 +145,7 @@ def entry() -> None:
         main()
     except SystemExit as end:
         if "rclpy" in sys.modules and isinstance(end.code, int):
-            from bringup.launch.processes import leave
+            from ac_ros_common.process_exit import leave
 
             leave(end.code)
         raise

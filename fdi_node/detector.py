@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ac_common.arrays import same_shape
 from ac_common.cache import Arrays
 from ac_common.topics import FAULTS
 
@@ -381,14 +382,6 @@ class FaultDetector:
                 onset_s = self._onset_s if not self._isolated else self._above_since[i]
                 self._isolated.append(_Isolated(i, onset_s, time_s))
                 self._under_way[i] = True
-
-
-def same_shape(values: Any, like: Vector) -> Vector:
-    """Remembered values as an array; ValueError when its shape is not that of `like`."""
-    array = np.asarray(values, dtype=np.float64)
-    if array.shape != like.shape:
-        raise ValueError(f"{array.shape} instead of {like.shape} numbers")
-    return array
 
 
 def _since(since: float, holds: bool, time_s: float) -> float:

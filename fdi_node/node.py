@@ -9,8 +9,8 @@ import sys
 
 import numpy as np
 
+from ac_common.fdi_status import StatusRow
 from ac_common.topics import FDI
-from ac_experiments.recording import StatusRow
 from ac_ros_common.loop_node import MEMORY_AGE_S, NodeShell, run_node
 from ac_ros_common.parameters import (
     DESIGN_COPY,

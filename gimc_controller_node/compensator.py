@@ -24,10 +24,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ac_common.arrays import same_shape
 from ac_common.cache import Arrays
 from ac_common.topics import FAULTS
 from ac_common.units import KPA, RPM
-from fdi_node.detector import same_shape
 from gimc_controller_node.authority import DESIGN_RANGE, Authority
 from gimc_controller_node.command_limits import CommandLimits
 from gimc_controller_node.reach import Reach

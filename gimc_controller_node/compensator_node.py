@@ -8,8 +8,8 @@ import numpy as np
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter as RosParameter
 
+from ac_common.fdi_status import StatusRow
 from ac_common.topics import COMPENSATOR
-from ac_experiments.recording import StatusRow
 from ac_ros_common.loop_node import MEMORY_AGE_S, NodeShell, run_node
 from ac_ros_common.parameters import (
     DESIGN_COPY,

@@ -1,17 +1,10 @@
-"""What no sampled controller can do better: how far p_e moves before anything of a fault has been measured.
-
-``python -m ac_design.analysis.performance_bounds`` prints the bound and what E5 reaches (`docs/control.md`).
-"""
-
-from dataclasses import replace
+"""What no sampled controller can do better: how far p_e moves before anything of a fault has been measured."""
 
 import control
 import numpy as np
 from scipy.optimize import linprog
 
 from ac_common.units import RPM
-from ac_design.store import design_compensator
-from ac_design.weights import QUICK_GUARD, CompensatorWeights, MatchingWeights
 from ac_plant_node import linearize
 from gimc.sampled import discretise
 from gimc_controller_node.command_limits import CommandLimits
@@ -91,40 +84,3 @@ def attainable_peak_pa(point: str, sample_time_s: float, size_rad_s: float, tick
     if result.status != 0:
         raise RuntimeError(f"no least peak found at {point}: {result.message}")
     return float(result.fun) * unit
-
-
-def reached_peak_pa(point: str, sample_time_s: float, guard: MatchingWeights | None = None) -> float:
-    """Peak of |p_e - p_e,r| in E5 on the nonlinear plant, with the guard in use or with another one."""
-    from ac_common.units import KPA
-    from ac_experiments.designs import designs_at
-    from ac_experiments.metrics import summarise
-    from ac_experiments.scenario import load
-    from ac_experiments.simulate import simulate
-
-    overrides = [f"operating_point={point}", f"sample_time_s={sample_time_s:g}", "duration_s=620"]
-    designs = designs_at(point, sample_time_s)
-    if guard is not None:
-        weights = replace(CompensatorWeights(), guard=guard)
-        designs = replace(designs, compensator=design_compensator(point, sample_time_s, weights))
-    metrics = summarise(simulate(load("actuator_fault", overrides), designs=designs))["metrics"]
-    return float(metrics["peak_pressure_error_kpa"]) * KPA
-
-
-def main() -> None:
-    """Print the table."""
-    print("| point | rate, Hz | bound, kPa | with all known, kPa | reached, kPa | with the quick guard, kPa |")
-    print("|---|---|---|---|---|---|")
-    for point in ("low", "med", "high"):
-        for rate_hz in (10, 20, 50, 100):
-            found = [
-                smallest_peak_pa(point, 1.0 / rate_hz, 40.0 * RPM),
-                attainable_peak_pa(point, 1.0 / rate_hz, 40.0 * RPM),
-                reached_peak_pa(point, 1.0 / rate_hz),
-                reached_peak_pa(point, 1.0 / rate_hz, QUICK_GUARD),
-            ]
-            cells = " | ".join(f"{peak / 1e3:.2f}" for peak in found)
-            print(f"| {point} | {rate_hz} | {cells} |", flush=True)
-
-
-if __name__ == "__main__":
-    main()

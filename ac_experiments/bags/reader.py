@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from ac_common.errors import BringupError, shortened
-from ac_common.health import health_of
+from ac_common.fdi_status import StatusRow, status_row
+from ac_common.health import health_of, read_restarts
 from ac_common.topics import BRINGUP, BY_NAME, DIAGNOSTICS, NAMESPACE, OCCASIONAL, PLANT, Topic
-from ac_common.wire import NANOSECONDS, columns, read_diagnostics, stamp_ns, stamps_ns, status_row
+from ac_common.wire import NANOSECONDS, columns, read_diagnostics, stamp_ns, stamps_ns
 from ac_experiments.bags.recorder import MENDED_RECORD, RUN_RECORD, bag_files
-from ac_experiments.recording import Recording, StatusRow
+from ac_experiments.recording import Recording
 from ac_experiments.scenario import check
 from ac_experiments.scenario_schema import Scenario
-from bringup.launch.restart_policy import read_restarts
 
 _SCHEMA, _CHANNEL, _MESSAGE = 0x03, 0x04, 0x05
 _RECORD = struct.Struct("<BQ")

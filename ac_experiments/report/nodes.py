@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ac_common.health import read_restarts
 from ac_common.topics import BRINGUP, COMPENSATOR, CONTROLLER, FDI, INJECTOR, NAMESPACE, PLANT, RECORDER, SCENARIO
 from ac_common.wire import NANOSECONDS, read_diagnostics, stamp_ns
 from ac_experiments.bags.reader import SHORTEST_MESSAGE, RawBag, first_stamp_ns
 from ac_experiments.report.charts import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, Chart, Curve, spaced
-from bringup.launch.restart_policy import read_restarts
 
 #: Node by node in the order of the loop, each with its look.
 _LOOKS = {

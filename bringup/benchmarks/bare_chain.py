@@ -37,7 +37,7 @@ from ac_common.topics import (
 )
 from ac_ros_common.loop_node import IDLE_S, LOOP_QOS
 from ac_ros_common.messages import message_class
-from bringup.launch.processes import end_with_parent, leave
+from ac_ros_common.process_exit import end_with_parent, leave
 
 NAMESPACE = "/bare"
 

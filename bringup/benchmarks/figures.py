@@ -17,6 +17,7 @@ from typing import Any
 from ac_common.errors import RunError
 from ac_common.topics import PLANT, RECORDER
 from ac_experiments.scenario import load
+from ac_ros_common.process_exit import PARENT_VARIABLE
 from bringup.benchmarks import loop_speed
 from bringup.benchmarks.children import node_pids, resident_mb
 from bringup.benchmarks.figure import Figure
@@ -24,7 +25,7 @@ from bringup.benchmarks.host_noise import missed_by_us
 from bringup.benchmarks.recovery import recovery
 from bringup.launch.launch import GraphRun, run_graph
 from bringup.launch.node_modules import MODULES
-from bringup.launch.processes import PARENT_VARIABLE, Domain, end_groups, ros_environment
+from bringup.launch.processes import Domain, end_groups, ros_environment
 
 Say = Callable[[str], None]
 

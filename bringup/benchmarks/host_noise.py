@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.health import MissedTick
+from ac_ros_common.process_exit import end_with_parent
 from ac_ros_common.realtime import Latencies, set_priority
-from bringup.launch.processes import end_with_parent
 
 #: Above the loop's.
 PRIORITY = 30

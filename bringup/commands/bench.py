@@ -3,8 +3,8 @@
 import click
 
 from ac_common.errors import RunError
+from bringup.commands.console import print_json, print_table, say
 from bringup.commands.options import examples, json_option
-from bringup.console import print_json, print_table, say
 
 
 @click.command(

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from bringup.commands.console import print_json, print_table, say
 from bringup.commands.options import examples, json_option
-from bringup.console import print_json, print_table, say
 
 if TYPE_CHECKING:
     from ac_plant_node import OperatingPoint, Parameters

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import click
 
 from ac_common.errors import BringupError, RunError
+from bringup.commands.console import print_json, print_table, progress_bar, say
 from bringup.commands.options import examples, json_option
-from bringup.console import print_json, print_table, progress_bar, say
 
 if TYPE_CHECKING:
     from bringup.fault_campaign.run import Outcome

@@ -6,8 +6,8 @@ from contextlib import ExitStack, contextmanager
 import click
 
 from ac_common.errors import RunError
+from bringup.commands.console import say
 from bringup.commands.options import OneOf, examples
-from bringup.console import say
 
 
 @click.command(

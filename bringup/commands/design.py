@@ -5,9 +5,9 @@ from pathlib import Path
 import click
 
 from ac_common.sample_time import DEFAULT_SAMPLE_TIME_S
+from bringup.commands.console import digits, print_json, print_table, without_nan
 from bringup.commands.options import OneOf, examples, json_option
 from bringup.commands.outcome import make_folder
-from bringup.console import digits, print_json, print_table, without_nan
 
 
 @click.command(

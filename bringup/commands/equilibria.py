@@ -2,8 +2,8 @@
 
 import click
 
+from bringup.commands.console import print_json, print_table
 from bringup.commands.options import examples, json_option
-from bringup.console import print_json, print_table
 
 
 @click.command(

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ac_common.errors import BringupError, one_line
-from bringup.console import print_json, print_table, progress_bar, say
+from bringup.commands.console import print_json, print_table, progress_bar, say
 
 if TYPE_CHECKING:
     from ac_experiments.recording import Recording

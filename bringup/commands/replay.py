@@ -5,8 +5,8 @@ from pathlib import Path
 import click
 
 from ac_common.errors import RunError, one_line
+from bringup.commands.console import print_json, progress_bar, say
 from bringup.commands.options import LOOP_NODES, NodeType, bag_argument, examples, json_option
-from bringup.console import print_json, progress_bar, say
 
 
 @click.command(

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 import click
 
 from ac_common.errors import BringupError
+from bringup.commands.console import print_json, say
 from bringup.commands.options import bag_argument, examples, json_option
 from bringup.commands.outcome import companion, make_folder, write_page
-from bringup.console import print_json, say
 
 if TYPE_CHECKING:
     from ac_experiments.recording import Recording

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import click
 
+from bringup.commands.console import digits, print_json, print_table, progress_bar, say, steps_of
 from bringup.commands.options import examples, json_option
 from bringup.commands.outcome import make_folder
-from bringup.console import digits, print_json, print_table, progress_bar, say, steps_of
 
 #: How many experiments there are, E1 to E8.
 EXPERIMENTS = 8

@@ -6,10 +6,10 @@ from typing import Literal
 import click
 
 from ac_common.errors import BringupError, InterruptedRunError, RunError
+from bringup.commands.console import progress_bar, say
 from bringup.commands.dash import dash_option, page
 from bringup.commands.options import LOOP_NODES, NodeType, OneOf, examples, scenario_options
 from bringup.commands.outcome import finish, load_scenario, prepare_folder
-from bringup.console import progress_bar, say
 
 
 @click.command(

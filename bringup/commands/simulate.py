@@ -4,9 +4,9 @@ from pathlib import Path
 
 import click
 
+from bringup.commands.console import progress_bar
 from bringup.commands.options import examples, scenario_options
 from bringup.commands.outcome import finish, load_scenario, prepare_folder
-from bringup.console import progress_bar
 
 
 @click.command(

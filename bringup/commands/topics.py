@@ -4,8 +4,8 @@ import contextlib
 
 import click
 
+from bringup.commands.console import print_json
 from bringup.commands.options import examples, json_option
-from bringup.console import print_json
 
 
 @click.command(
@@ -22,7 +22,7 @@ def topics(as_json: bool) -> None:
     Looks into the ROS domain of ROS_DOMAIN_ID, 0 when it is not set: where `acftc run` puts a graph by default. With
     --json it watches for two seconds and prints what it has seen.
     """
-    from bringup.topic_watch import table, topics_live, topics_once
+    from bringup.commands.topic_watch import table, topics_live, topics_once
 
     if as_json:
         print_json(topics_once())

@@ -4,8 +4,8 @@ import os
 import socket
 import sys
 
+from ac_ros_common.process_exit import end_with_parent, leave
 from bringup.dash.server import TOKEN_VARIABLE, Address, Door, serve
-from bringup.launch.processes import end_with_parent, leave
 
 
 def main() -> None:

@@ -25,6 +25,8 @@ from rclpy.task import Future
 from std_srvs.srv import SetBool
 
 from ac_common.errors import BringupError, one_line
+from ac_common.fdi_status import StatusRow, status_row
+from ac_common.health import read_restarts
 from ac_common.topics import (
     BRINGUP,
     BY_NAME,
@@ -38,8 +40,7 @@ from ac_common.topics import (
     RECORDER,
     SCENARIO,
 )
-from ac_common.wire import read_diagnostics, stamp_ns, status_row, value_offsets
-from ac_experiments.recording import StatusRow
+from ac_common.wire import read_diagnostics, stamp_ns, value_offsets
 from ac_ros_common.client_node import guest
 from ac_ros_common.inputs import Gate, Subscriptions
 from ac_ros_common.loop_node import PLAIN_QOS
@@ -47,7 +48,6 @@ from ac_ros_common.messages import message_class
 from bringup.dash.reconfigure import reconfigure
 from bringup.dash.rows import TOPIC_NAMES, Rows, threshold_values
 from bringup.launch.launch import ACTIVATION_ORDER
-from bringup.launch.restart_policy import read_restarts
 from bringup.nodes.scenario import OFFSETS
 from fault_injector_node.node import PARAMETERS as INJECTOR_PARAMETERS
 

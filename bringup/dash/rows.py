@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from ac_common.fdi_status import StatusRow
 from ac_common.topics import AIR, COMPRESSOR, FAULTS, VALVE
 from ac_common.units import KPA, RPM
-from ac_experiments.recording import StatusRow
 
 #: Least time between two rows, s: more often nobody can see.
 ROW_PERIOD_S = 0.1

@@ -153,7 +153,8 @@ def open_browser(url: str) -> None:
 
 def start_beside(address: Address, domain: int) -> subprocess.Popen[bytes]:
     """Serve a page in a process of its own, beside the graph in a ROS domain; it ends with this process."""
-    from bringup.launch.processes import PARENT_VARIABLE, ros_environment
+    from ac_ros_common.process_exit import PARENT_VARIABLE
+    from bringup.launch.processes import ros_environment
 
     numbers = [sock.fileno() for sock in address.sockets]
     return subprocess.Popen(

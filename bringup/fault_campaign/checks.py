@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ac_common.health import Restart
 from ac_common.topics import COMPENSATOR, CONTROLLER, FDI, INJECTOR, PLANT, RECORDER
 from bringup.fault_campaign.plan import MessageFaultKind, Plan, ProcessFault
-from bringup.launch.restart_policy import Restart
 
 #: A node that was killed is back in service within this, s.
 BACK_WITHIN_S = 3.0

@@ -14,23 +14,14 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from bringup.launch.processes import Child, end_with_parent, start
+from ac_ros_common.process_exit import end_with_parent
+from ac_ros_common.realtime import has_idle_driver
+from bringup.launch.processes import Child, start
 
-#: Says which driver puts idle processors to sleep; "none": they are just halted.
-IDLE_DRIVER = Path("/sys/devices/system/cpu/cpuidle/current_driver")
-#: Set for nodes whose bringup keeps the processors awake.
-AWAKE_VARIABLE = "ACFTC_PROCESSORS_AWAKE"
 #: Where control groups are, and which of them this process is in.
 GROUPS, OWN_GROUPS = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
 #: In a group's folder: a word that is neither of these is so much processor time, and no more (versions 2 and 1).
 RATIONS, UNRATIONED = ("cpu.max", "cpu.cfs_quota_us"), ("max", "-1")
-
-
-def has_idle_driver() -> bool:
-    """Whether the kernel can be asked not to let processors doze."""
-    with contextlib.suppress(OSError):
-        return IDLE_DRIVER.read_text().strip() != "none"
-    return False
 
 
 def is_rationed() -> bool:

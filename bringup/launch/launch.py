@@ -16,7 +16,7 @@ import yaml
 
 from ac_common.design_file import DESIGNED, design_name
 from ac_common.errors import BringupError, InterruptedRunError, RunError
-from ac_common.health import MissedTick, missed_ticks, reported
+from ac_common.health import MissedTick, Restart, missed_ticks, reported
 from ac_common.topics import (
     COMPENSATOR,
     CONTROLLER,
@@ -32,10 +32,10 @@ from ac_experiments.designs import write_designs_of
 from ac_experiments.scenario_schema import Scenario
 from ac_experiments.versions import software
 from ac_plant_node.rest import prepare
-from bringup.launch.keep_cpus_awake import AWAKE_VARIABLE, keep_awake
+from ac_ros_common.realtime import AWAKE_VARIABLE
+from bringup.launch.keep_cpus_awake import keep_awake
 from bringup.launch.node_modules import MODULES, parameter_file
 from bringup.launch.processes import Child, Domain, ros_environment, start, stop
-from bringup.launch.restart_policy import Restart
 from bringup.launch.shared_memory import sweep
 from bringup.launch.user_nodes import OwnNodes
 

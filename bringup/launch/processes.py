@@ -1,28 +1,24 @@
 """Child processes that never outlive their parent, and the environment that ROS nodes want."""
 
 import contextlib
-import ctypes
 import errno
 import fcntl
 import os
-import select
 import signal
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
-from typing import IO, Any, NoReturn
+from typing import IO, Any
 
 from ac_common.errors import BringupError
-from ac_ros_common.exit_watchdog import STOOD, exit_within
+from ac_ros_common.exit_watchdog import STOOD
+from ac_ros_common.process_exit import DISK_FULL, PARENT_VARIABLE, PATIENCE_S
 
-#: Tells a node who started it: it ends when that process ends, however it ends.
-PARENT_VARIABLE = "ACFTC_PARENT_PID"
 #: Times of Fast DDS for wherever discovery goes, and the same with messages over 127.0.0.1 alone.
 _CONFIG = Path(__file__).parents[1] / "config"
 FASTDDS_PROFILE, FASTDDS_THIS_HOST = _CONFIG / "fastdds.xml", _CONFIG / "fastdds_this_host.xml"
@@ -30,12 +26,8 @@ _RANGE, _PROFILE = "ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTRTPS_DEFAULT_PROFILES_F
 #: Domains that Linux leaves free of ephemeral ports.
 DOMAINS = range(102)
 
-#: How long a process that was told to end may take.
-PATIENCE_S = 5.0
 #: How often a process group whose leader has ended is looked at, s.
 LOOK_S = 0.02
-
-_PR_SET_PDEATHSIG = 1
 
 
 def ros_environment() -> dict[str, str]:
@@ -91,44 +83,6 @@ def _lock(number: int) -> IO[Any] | None:
         file.close()
         return None
     return file
-
-
-def end_with_parent() -> None:
-    """In a child: be told to end when the parent dies, and end at once when it is dead already.
-
-    A child that has not ended some seconds after it was told to is ended: there is nobody left who could insist.
-    """
-    parent = os.environ.get(PARENT_VARIABLE)
-    if parent is None:
-        return
-    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-    if os.getppid() != int(parent):
-        sys.exit(1)
-    with contextlib.suppress(OSError):  # a parent that has died since then has told us already
-        threading.Thread(target=_end_after, args=(os.pidfd_open(int(parent)),), daemon=True).start()
-
-
-def _end_after(parent: int) -> None:
-    """End this process `PATIENCE_S` after the one of this file descriptor, whatever it does then."""
-    select.select([parent], [], [])
-    exit_within(1, PATIENCE_S)
-
-
-def leave(code: int) -> NoReturn:
-    """End this process without what the middleware does when the interpreter has gone.
-
-    Its destructors of static objects have been seen to spin for ever, and to crash, when a message was under way.
-    """
-    try:
-        sys.stdout.flush()
-        sys.stderr.flush()
-    except OSError:  # what is written to is on a disk that is full, or gone
-        code = code or 1
-    os._exit(code)
-
-
-#: Exit code of a node that found the disk full, which takes neither the bag nor the words about it.
-DISK_FULL = errno.ENOSPC
 
 
 @dataclass

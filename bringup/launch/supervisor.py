@@ -18,12 +18,13 @@ from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter, parameter_value_to_python
 
 from ac_common.errors import RunError
+from ac_common.health import Restart
 from ac_common.topics import BRINGUP, NAMESPACE, OCCASIONAL, PAGE, PLANT, RECORDER, TOPICS, Topic
 from ac_ros_common.client_node import guest
 from ac_ros_common.loop_node import PLAIN_QOS
 from ac_ros_common.type_definitions import type_hash
 from bringup.launch.processes import Child
-from bringup.launch.restart_policy import Restart, RestartPolicy
+from bringup.launch.restart_policy import RestartPolicy
 from bringup.launch.user_nodes import OwnNodes
 
 #: How often the processes are looked at while nothing comes in, s.

@@ -5,8 +5,9 @@ import pytest
 
 from ac_common.units import KPA, RPM
 from ac_design import PAPER_CONTROLLER, design_compensator, design_controller, design_fdi
-from ac_design.analysis.loop_stability import LARGEST_MARGIN, loop_matrix, medium_at, own_away
+from ac_design.analysis.loop_stability import LARGEST_MARGIN, medium_at, own_away
 from ac_design.analysis.performance_bounds import attainable_peak_pa, smallest_peak_pa
+from ac_design.closed_loop import loop_matrix
 from ac_experiments.designs import designs_at
 from ac_experiments.metrics import summarise
 from ac_experiments.scenario import load

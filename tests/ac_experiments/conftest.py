@@ -5,9 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from ac_common.fdi_status import StatusRow
 from ac_common.topics import SERIES
 from ac_common.units import KPA, RPM
-from ac_experiments.recording import Recording, StatusRow
+from ac_experiments.recording import Recording
 from ac_experiments.scenario import check, program
 from ac_experiments.scenario_schema import Scenario
 

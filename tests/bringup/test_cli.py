@@ -279,7 +279,7 @@ def test_styles_are_for_terminals_that_want_them():
 
 
 def test_a_remark_does_not_end_up_in_the_line_of_a_progress_bar():
-    code = "from bringup.console import progress_bar, say\n"
+    code = "from bringup.commands.console import progress_bar, say\n"
     code += "with progress_bar('a run') as progress:\n    progress(1, 2)\n    say('node fdi died')\n    progress(2, 2)"
     plain = re.sub(r"\x1b\[[\d;]*m", "", on_a_terminal("-c", code, TERM="xterm-256color"))  # no colours
     written = re.sub(r"\x1b\[[\d;?]*[A-Za-z]|\r", "\n", plain)  # whatever else moves the cursor ends a line

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from ac_common.fdi_status import StatusRow
 from ac_common.topics import BY_NAME, DIAGNOSTICS, JOINT_FIELD, JOINTS, NAMESPACE
 from ac_common.wire import pack_status, read_diagnostics
-from ac_experiments.recording import StatusRow
 from ac_ros_common.messages import message_class
 
 FOLDER = Path(__file__).parents[2] / "layouts"

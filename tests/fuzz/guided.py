@@ -19,9 +19,9 @@ import atheris
 
 with atheris.instrument_imports(include=["bringup", "yaml"]):
     from ac_common.errors import BringupError
+    from ac_common.fdi_status import StatusRow, status_row
     from ac_common.topics import DIAGNOSTICS, TOPICS
-    from ac_common.wire import columns, packer, read_diagnostics, status_row
-    from ac_experiments.recording import StatusRow
+    from ac_common.wire import columns, packer, read_diagnostics
     from ac_experiments.scenario import BUILT_IN, load
     from ac_experiments.scenario_schema import Scenario
     from ac_ros_common.messages import BadMessage, reader

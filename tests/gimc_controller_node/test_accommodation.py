@@ -8,9 +8,10 @@ from CoolProp.CoolProp import PropsSI
 from numpy.typing import NDArray
 
 from ac_common.units import KPA, RPM
-from ac_design.analysis.performance_bounds import reached_peak_pa, smallest_peak_pa
+from ac_design.analysis.performance_bounds import smallest_peak_pa
 from ac_design.weights import QUICK_GUARD
 from ac_experiments.metrics import summarise
+from ac_experiments.paper.reached_peak import reached_peak_pa
 from ac_experiments.recording import Recording
 from ac_experiments.scenario import load
 from ac_experiments.simulate import simulate
@@ -114,7 +115,7 @@ def test_no_controller_can_keep_the_peak_below_the_first_sample(point: str) -> N
 
 
 def test_at_50_hz_the_quick_guard_comes_near_the_bound_and_the_guard_in_use_does_not() -> None:
-    """One case of `python -m ac_design.analysis.performance_bounds`, the table in docs/control.md."""
+    """One case of `python -m ac_experiments.paper.reached_peak`, the table in docs/control.md."""
     bound = smallest_peak_pa("med", 0.02, 40.0 * RPM) / KPA
     in_use, quick = (reached_peak_pa("med", 0.02, guard) / KPA for guard in (None, QUICK_GUARD))
     assert bound == pytest.approx(0.22, abs=0.005)

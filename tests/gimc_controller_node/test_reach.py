@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from ac_common.units import KPA
 from ac_design import design_compensator, design_controller, design_fdi
-from ac_design.analysis.loop_stability import ROWS, loop_stability, plant_away
+from ac_design.analysis.loop_stability import loop_stability
+from ac_design.closed_loop import ROWS, plant_away
 from ac_design.reach import MARGIN
 from ac_experiments.scenario import check
 from ac_experiments.simulate import simulate

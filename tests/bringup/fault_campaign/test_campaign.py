@@ -11,6 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from ac_common.errors import BringupError
+from ac_common.health import Restart
 from ac_common.topics import BY_NAME, COMPENSATOR, CONTROLLER, FDI, RECORDER
 from ac_ros_common.messages import BadMessage, message_class, message_reader
 from bringup.cli import main
@@ -28,7 +29,6 @@ from bringup.fault_campaign.plan import (
     plan,
 )
 from bringup.fault_campaign.run import as_dict, run_seed
-from bringup.launch.restart_policy import Restart
 
 PRESSURE, COMMAND = "measured/evaporator_pressure", "actuator/command"
 

@@ -78,7 +78,7 @@ def test_killed_bringup_takes_its_nodes_along(tmp_path: Path) -> None:
 #: A parent with a child that will not be told to end; `argv[1]` is what to find the child by.
 STUBBORN = """
 import os, subprocess, sys
-from bringup.launch.processes import PARENT_VARIABLE
+from ac_ros_common.process_exit import PARENT_VARIABLE
 child = "import signal, time; from bringup.launch.processes import end_with_parent; "
 child += "signal.signal(signal.SIGTERM, signal.SIG_IGN); end_with_parent(); print('ready', flush=True); time.sleep(600)"
 environment = {**os.environ, PARENT_VARIABLE: str(os.getpid())}

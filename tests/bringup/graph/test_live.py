@@ -13,9 +13,9 @@ from ac_common.topics import INJECTOR, TOPICS
 from ac_common.units import RPM
 from ac_experiments.bags.reader import health_reports, read_bag, read_raw
 from ac_experiments.scenario import load
+from bringup.commands.topic_watch import topics_once
 from bringup.launch.launch import run_graph
 from bringup.replay.replay import replay
-from bringup.topic_watch import topics_once
 from fault_injector_node.live import LiveFault, Shape
 from tests.operator import Operator
 

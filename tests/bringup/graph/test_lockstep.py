@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
+from ac_common.fdi_status import StatusRow
 from ac_common.topics import SERIES, TOPICS
 from ac_experiments.bags.reader import RawBag, read_bag, read_raw
-from ac_experiments.recording import StatusRow
 from ac_experiments.scenario_schema import Scenario
 from ac_experiments.simulate import simulate
 from bringup.launch.launch import GraphRun, run_graph

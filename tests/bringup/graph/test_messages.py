@@ -15,11 +15,11 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
 from ac_common.errors import BringupError
+from ac_common.fdi_status import StatusRow, status_row
 from ac_common.topics import BY_NAME, DIAGNOSTICS, TOPICS
-from ac_common.wire import pack_status, packer, read_diagnostics, stamp_ns, status_row
+from ac_common.wire import pack_status, packer, read_diagnostics, stamp_ns
 from ac_experiments.bags.reader import decode, read_bag, read_raw
 from ac_experiments.bags.recorder import BagWriter, RecordedTopic
-from ac_experiments.recording import StatusRow
 from ac_ros_common.messages import BadMessage, message_class, message_reader, reader
 from ac_ros_common.messages import stamp_ns as stamp_of_message
 from ac_ros_common.tick_sync import MOST_WAITING, TickSet

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from rosbags.highlevel import AnyReader
 
 from ac_common.errors import RunError
-from ac_common.health import MissedTick
+from ac_common.health import AS_USUAL, MissedTick
 from ac_common.safe_command import SAFE_RATE
 from ac_common.topics import COMPENSATOR, CONTROLLER, FDI, INJECTOR, PLANT, RECORDER, SCENARIO
 from ac_common.units import RPM
 from ac_experiments.bags.reader import health_reports, read_bag, read_raw
-from ac_experiments.recording import AS_USUAL, Recording
+from ac_experiments.recording import Recording
 from ac_experiments.scenario import check, load
 from bringup.benchmarks.figures import host_noise, start_host_noise
 from bringup.benchmarks.host_noise import missed_by_us

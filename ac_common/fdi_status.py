@@ -1,0 +1,70 @@
+"""What ``fdi/status`` says, typed both ways: as a row, and as the key-value pairs of a DiagnosticStatus."""
+
+from typing import NamedTuple
+
+from ac_common.errors import shortened
+from ac_common.topics import FAULTS
+
+
+class StatusRow(NamedTuple):
+    """One message of ``fdi/status``: what the supervision of the residuals said at one tick.
+
+    Times count from the first tick of the run. Nan stands for "not yet".
+    """
+
+    time_s: float
+    detected: bool
+    isolated: str | None  # "compressor_speed", "evaporator_pressure" or None
+    size: float  # estimate of the isolated fault: rad/s or Pa
+    onset_s: float
+    isolated_s: float
+    thresholds: tuple[float, float]  # of the two residuals: rad/s, Pa
+    also_isolated: str | None = None  # with both faults isolated: the one before `isolated`
+
+
+def status_text(row: StatusRow) -> str:
+    """Return the decision in words, for people who look at the topic."""
+    if row.isolated is not None:
+        return f"fault isolated: {row.isolated}" + (f", {row.also_isolated}" if row.also_isolated else "")
+    return "fault detected, not yet isolated" if row.detected else "no fault"
+
+
+def status_values(row: StatusRow) -> dict[str, str]:
+    """Return the key-value pairs of a row: numbers as the shortest text that reads back to the same bits."""
+    return {
+        "detected": "true" if row.detected else "false",
+        "isolated": row.isolated or "",
+        "also_isolated": row.also_isolated or "",
+        "size": repr(float(row.size)),
+        "onset_s": repr(float(row.onset_s)),
+        "isolated_s": repr(float(row.isolated_s)),
+        **{f"threshold/{fault}": repr(float(limit)) for fault, limit in zip(FAULTS, row.thresholds, strict=True)},
+    }
+
+
+def status_row(values: dict[str, str], time_s: float) -> StatusRow:
+    """Return the row of these key-value pairs; `time_s` counts from the first tick.
+
+    Raises
+    ------
+    ValueError
+        When they are not what `status_values` writes.
+    """
+    try:
+        isolated, also_isolated = (values[key] or None for key in ("isolated", "also_isolated"))
+        for named in (isolated, also_isolated):
+            if named is not None and named not in FAULTS:
+                raise ValueError(named)
+        return StatusRow(
+            time_s=time_s,
+            detected={"true": True, "false": False}[values["detected"]],
+            isolated=isolated,
+            size=float(values["size"]),
+            onset_s=float(values["onset_s"]),
+            isolated_s=float(values["isolated_s"]),
+            thresholds=(float(values[f"threshold/{FAULTS[0]}"]), float(values[f"threshold/{FAULTS[1]}"])),
+            also_isolated=also_isolated,
+        )
+    except (KeyError, ValueError) as problem:
+        msg = f"fdi/status: {type(problem).__name__} {shortened(problem)}"
+        raise ValueError(msg) from None
