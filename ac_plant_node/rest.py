@@ -19,7 +19,7 @@ def rest_at(point: str) -> Arrays:
     """
 
     def find() -> Arrays:
-        from ac_plant_node import operating_point
+        from ac_plant_node.equilibrium import operating_point
 
         rest = operating_point(point)
         return {name: getattr(rest, name) for name in ("inputs", "outputs", "state", "conserved")}
@@ -40,7 +40,7 @@ def prepare(point: str) -> None:
     done = compiled_folder(*COMPILED_PACKAGES) / "complete"
     if done.exists():
         return
-    from ac_plant_node import Plant
+    from ac_plant_node.plant import Plant
 
     plant = Plant.at(point)
     plant.advance(1.0)
