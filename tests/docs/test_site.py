@@ -4,6 +4,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -87,13 +88,27 @@ def test_changelog_has_the_unreleased_heading_or_the_version() -> None:
     assert headings[0] in ("Unreleased", VERSION)
 
 
+PACKAGES = sorted(path.parent.name for path in ROOT.glob("*/__init__.py"))
+FOLDERS = "|".join([*PACKAGES, "docs", "examples", "layouts", "tests"])
+PAGES = [*(ROOT / "docs").rglob("*.md"), *ROOT.glob("*/README.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+
+
 def test_paths_that_the_documentation_names_exist() -> None:
     """What stands in backquotes and has a folder of ours in front."""
-    missing = {}
-    for page in [*(ROOT / "docs").rglob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]:
-        named = re.findall(
-            r"`((?:bringup|docs|examples|layouts|tests|gimc|fdi_node|ac_plant_node|gimc_controller_node)/[\w./-]+)`",
-            page.read_text(encoding="utf-8"),
-        )
-        missing |= {f"{page.name}: {path}": None for path in named if not (ROOT / path).exists()}
+    missing = []
+    for page in PAGES:
+        named = re.findall(rf"`((?:{FOLDERS})/[\w./-]+)`", page.read_text(encoding="utf-8"))
+        missing += [f"{page.name}: {path}" for path in named if not (ROOT / path).exists()]
+    assert not missing
+
+
+def test_modules_and_scripts_that_the_documentation_runs_exist() -> None:
+    """`python -m NAME` and `python FILE`; the page of what has moved names old modules in its left columns."""
+    missing = []
+    for page in PAGES:
+        text_ = re.sub(r"^\| `python -m [^|]*\|", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
+        modules = re.findall(rf"python\s+-m\s+((?:{FOLDERS})[\w.]*\w)", text_)
+        missing += [f"{page.name}: {name}" for name in modules if find_spec(name) is None]
+        scripts = re.findall(rf"python\s+((?:{FOLDERS})/[\w./-]+)", text_)
+        missing += [f"{page.name}: {path}" for path in scripts if not (ROOT / path).exists()]
     assert not missing
