@@ -1,4 +1,4 @@
-"""Figures of docs/control.md that come from whole runs; `docs.tools.doc_figures` puts them there."""
+"""Figures of docs/control.md that come from whole runs; `docs.tools.doc_figures` writes them into the page."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,7 +18,7 @@ PAGE = "docs/control.md"
 POINTS = ("low", "med", "high")
 
 NOISE = ("noise.evaporator_pressure_kpa=0.2", "noise.superheat_k=0.1", "noise.wall_temperature_k=0.05")
-"""Of the section "Noise"."""
+"""Noise of the section "Noise"."""
 
 STEP_AT_S = 10.0
 
@@ -29,12 +29,12 @@ def _run(scenario: str, point: str, overrides: Sequence[str] = (), passive: bool
 
 
 def _off(run: Recording, quantity: str) -> NDArray[np.float64]:
-    """How far the actual quantity is from its reference."""
+    """Return the deviation of the actual quantity from its reference."""
     return np.abs(run.series[f"plant/{quantity}"] - run.series[f"reference/{quantity}"])
 
 
 def reached() -> dict[str, float]:
-    """The faults at every point, noise-free."""
+    """Measure the faults at every point, noise-free."""
     values: dict[str, float] = {}
     for point in POINTS:
         for name, scenario in (("e5", "actuator_fault"), ("e6", "sensor_fault"), ("derived", "sensor_fault_derived")):
@@ -51,7 +51,7 @@ def reached() -> dict[str, float]:
 
 
 def steps() -> dict[str, float]:
-    """How far p_e goes while the superheat's reference steps by 5 K up or down: with the compensator and without."""
+    """Measure p_e's deviation after a step of the superheat's reference by 5 K, with and without compensator."""
     values = {}
     for point in POINTS:
         for direction, kelvin in (("up", 5.0), ("down", -5.0)):
@@ -70,7 +70,7 @@ def _step_by(kelvin: float) -> str:
 
 
 def reach() -> dict[str, float]:
-    """By how much q is scaled where the references lead furthest from a point."""
+    """Return the factor on q where the references lead furthest from a point."""
     excess = {point: designs_at(point, 0.1).compensator.reach_excess for point in POINTS}
     at = {"low_k": ("low", 1, 3), "low_kpa": ("low", 0, 4), "med_k": ("med", 1, 4), "med_kpa": ("med", 0, 4)}
     at |= {"high_kpa": ("high", 0, 4)}
@@ -78,7 +78,7 @@ def reach() -> dict[str, float]:
 
 
 def noise() -> dict[str, float]:
-    """Ten minutes at rest under noise: what it does to the commands, and to the residuals with the guard."""
+    """Measure the effect of noise at rest, in ten minutes: on the commands, and on the residuals with the guard."""
     values = {}
     for point in POINTS:
         for who, passive in (("guard", False), ("k0", True)):
@@ -92,7 +92,7 @@ def noise() -> dict[str, float]:
 
 
 def _row(label: str, group: str, name: str, digits: int) -> tuple[str, str]:
-    """A row of a table, with a column for each point."""
+    """Return a row of a table, with a column for each point."""
     cells = " | ".join(f"{{{group}[{point}_{name}]:.{digits}f}}" for point in POINTS)
     return PAGE, f"| {label} | {cells} |"
 

@@ -1,9 +1,8 @@
-"""Figures in sentences of the documentation, measured and put where they stand: ``python -m docs.tools.doc_figures``.
+"""Measure figures in sentences of the documentation and write them: ``python -m docs.tools.doc_figures``.
 
-Works in a checkout: it runs `examples/` and writes README.md and `docs/`. Each of `MEASURES` says how a group of
-figures is had, each of `SENTENCES` on which page they stand, in which words and with how many digits. A test measures
-all anew and compares what is printed. Pages that are figures throughout have modules of their own: `reference_pages`,
-`reproduction_page`.
+Works in a checkout: it runs `examples/` and writes README.md and `docs/`. Each of `MEASURES` measures a group of
+figures; each of `SENTENCES` is the page, the words and the number of digits. A test measures all again and compares
+the printed figures. `reference_pages` and `reproduction_page` write whole pages.
 """
 
 import json
@@ -36,7 +35,7 @@ ACTUATOR, SENSOR = "actuator_fault", "sensor_fault"
 
 
 def _figures(summary: dict[str, Any]) -> Values:
-    """Of a summary's first fault: after how many s it was isolated (nan: not); and the metrics."""
+    """Return the time [s] to isolation of a summary's first fault (nan: not isolated), and the metrics."""
     fault = summary["faults"][0]
     isolated_s = math.nan if fault["isolated_s"] is None else fault["isolated_s"]
     return {"isolated_after_s": isolated_s - fault["onset_s"], **summary["metrics"]}
@@ -48,7 +47,7 @@ def _simulated(scenario: str, passive: bool = False) -> Recording:
 
 
 def _reference() -> Values:
-    """The two scenarios of the README, with the compensator and with K0 alone."""
+    """Measure the two scenarios of the README, with the compensator and with K0 alone."""
     values: Values = {}
     for scenario in (ACTUATOR, SENSOR):
         for passive in (False, True):
@@ -60,7 +59,7 @@ def _reference() -> Values:
 
 
 def _rest() -> Values:
-    """The medium operating point."""
+    """Return inputs and outputs of the medium operating point."""
     rest = rest_at("med")
     return {"rpm": rest["inputs"][0] / RPM, "p_e_kpa": rest["outputs"][0] / KPA, "superheat_k": rest["outputs"][1]}
 
@@ -79,7 +78,7 @@ def _with_design(**changed: Any) -> Designs:
 
 
 def _own_q() -> Values:
-    """`examples/own_q.py` in place of the compensator."""
+    """Measure `examples/own_q.py` in place of the compensator."""
     designs = _with_design(compensator=_example("own_q").estimate_and_subtract("med", 0.1))
     found = {
         scenario: _figures(summarise(simulate(load(scenario), designs=designs))) for scenario in (ACTUATOR, SENSOR)
@@ -88,7 +87,7 @@ def _own_q() -> Values:
 
 
 def _own_filter() -> Values:
-    """`examples/own_filter.py` in place of the isolation filter."""
+    """Measure `examples/own_filter.py` in place of the isolation filter."""
     fdi = _example("own_filter").static_filter("med", 0.1)
     ours = designs_at("med", 0.1).fdi
     run = simulate(load(ACTUATOR), designs=_with_design(fdi=fdi))
@@ -105,20 +104,20 @@ def _own_filter() -> Values:
 
 
 def _own_controller() -> Values:
-    """`examples/own_controller.py` as a node in the graph, around the fault, which comes sooner."""
+    """Measure `examples/own_controller.py` as a node in the graph, with an earlier fault and a shorter run."""
     command = "run actuator_fault --set faults.0.onset_s=20 --set duration_s=80 --no-report --json --node"
     return _figures(_acftc(*command.split(), f"gimc_controller={sys.executable} examples/own_controller.py"))
 
 
 def _own_car() -> Values:
-    """`examples/own_car.yaml`, calibrated; without ROS, which gives the same figures."""
+    """Measure `examples/own_car.yaml`, calibrated; without ROS, which gives the same figures."""
     command = "calibrate --points examples/own_points.yaml --parameters examples/own_car.yaml --out results/car.yaml"
     then = "--plant results/car.yaml simulate actuator_fault --no-report --json"
     return _figures(_acftc(*command.split(), then=then))
 
 
 def _own_scenario() -> Values:
-    """`examples/own_scenario.yaml` as it is, and with the stronger change of the air."""
+    """Measure `examples/own_scenario.yaml`, and the same with a stronger change of the air."""
     path = str(ROOT / "examples" / "own_scenario.yaml")
     run = simulate(load(path))
     faults = summarise(run)["faults"]
@@ -135,7 +134,7 @@ def _own_scenario() -> Values:
 
 
 def _acftc(*arguments: str, then: str = "") -> Any:
-    """What `acftc` prints as JSON in a folder of its own, beside `examples/`; `then`: a second command after it."""
+    """Return the JSON that `acftc` prints in a temporary folder with `examples/`; `then`: a second command after it."""
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "examples").symlink_to(ROOT / "examples")
         for words in (arguments, tuple(then.split())):
@@ -262,18 +261,18 @@ _FIELD = re.compile(r"\{(\w+)\[(\w+)\]:([^}]*)\}")
 
 
 def groups(sentence: str) -> set[str]:
-    """The groups of `MEASURES` that a sentence needs."""
+    """Return the groups of `MEASURES` that a sentence needs."""
     return {group for group, _, _ in _FIELD.findall(sentence)}
 
 
 def printed(sentence: str, measured: dict[str, Values]) -> list[str]:
-    """The figures of a sentence in order, as they are to be printed."""
+    """Return the figures of a sentence in order, formatted."""
     texts = [format(measured[group][name], form) for group, name, form in _FIELD.findall(sentence)]
     return [re.sub(r"^[-+](?=0(\.0*)?$)", "", text) for text in texts]  # no sign before nothing
 
 
 def stated(sentence: str, text: str) -> re.Match[str]:
-    """Where a page's text has a sentence: the groups of the match are its figures.
+    """Find a sentence in the text of a page; the groups of the match are its figures.
 
     Raises
     ------
@@ -290,7 +289,7 @@ def stated(sentence: str, text: str) -> re.Match[str]:
 
 
 def rewritten(sentence: str, text: str, measured: dict[str, Values]) -> str:
-    """Text of a page with the figures of one sentence as measured."""
+    """Return the text of a page with the measured figures in one sentence."""
     match = stated(sentence, text)
     for number, figure in reversed(list(enumerate(printed(sentence, measured), start=1))):
         text = text[: match.start(number)] + figure + text[match.end(number) :]

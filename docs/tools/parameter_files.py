@@ -13,7 +13,7 @@ from bringup.launch.node_modules import MODULES, module_of, parameter_file
 
 
 def text(name: str) -> str:
-    """Content of the parameter file of a node: every parameter with its default, what it means and what is allowed."""
+    """Return the content of a node's parameter file: every parameter with default, meaning and allowed values."""
     declared: Sequence[Parameter] = (*COMMON, *import_module(module_of(MODULES[name])).PARAMETERS)
     lines = [
         f"# Parameters of the node `{name}` and their defaults. Use:",

@@ -26,7 +26,7 @@ _COLOURS = ("#1f6fb4", "#2a9d3a", "#c8452d")
 
 
 def cycle_picture() -> str:
-    """The steady cycles of the three operating points on a p-h diagram."""
+    """Draw the steady cycles of the three operating points on a p-h diagram."""
     tab = load_tables(load_parameters().refrigerant)
     pressures = np.geomspace(1.0e5, float(tab.grid[8]), 200)
     dome = np.array([saturation(tab, p)[1:3] for p in pressures]) * 1.0e-3
@@ -44,7 +44,7 @@ def cycle_picture() -> str:
 
 
 def step_picture() -> str:
-    """From rest at the high point to the inputs of the low one, all at once at 10 s."""
+    """Draw the step from the inputs of the high point to those of the low one, at 10 s."""
     plant, step = Plant.at("high"), operating_point("low").inputs
     time = np.arange(0.0, 150.0, 0.1)
     rows = []
@@ -81,7 +81,7 @@ def step_picture() -> str:
 
 
 def drive_cycle_picture(path: Path) -> str:
-    """The plant open loop through a drive cycle."""
+    """Draw the plant open loop through a drive cycle."""
     run = run_drive_cycle(load_drive_cycle(path))
     t = run.time_s
     charts = [

@@ -1,4 +1,4 @@
-"""The pages of `docs/reference/` that say what the code says: topics, parameters of the nodes, the command line.
+"""Write the pages of `docs/reference/` from the code: topics, parameters of the nodes, the command line.
 
 ``python -m docs.tools.reference_pages`` writes them and `docs/scenarios.md` anew; a test compares them with the code.
 """
@@ -20,7 +20,7 @@ from docs.tools import scenario_reference
 FOLDER = Path(__file__).parents[2] / "docs" / "reference"
 WRITTEN = "<!-- Written by `python -m docs.tools.reference_pages`; edit {} instead. -->"
 
-#: What each topic says; a topic that is missing here fails the page.
+#: Meaning of each topic; a topic that is missing here is an error.
 MEANING = {
     "plant/evaporator_pressure": "p_e, actual",
     "plant/superheat": "superheat SH, actual: a difference",
@@ -28,14 +28,14 @@ MEANING = {
     "plant/condenser_pressure": "p_c, actual",
     "plant/air_inlet_temperature": "air into the evaporator, a measured disturbance",
     "measured/evaporator_pressure": "p_e with f_p and noise",
-    "measured/superheat": "SH with noise; with a derived superheat, also with what f_p does to it",
+    "measured/superheat": "SH with noise; with a derived superheat, also with the effect of f_p",
     "measured/wall_temperature": "T_w with noise",
-    "reference/evaporator_pressure": "what p_e is to be",
-    "reference/superheat": "what SH is to be",
+    "reference/evaporator_pressure": "reference of p_e",
+    "reference/superheat": "reference of SH",
     "scenario/air": "air mass flow through the evaporator, kg/s",
     "scenario/air_inlet_temperature": "its temperature",
-    "scenario/fault/compressor_speed": "f_N that the scenario wants",
-    "scenario/fault/evaporator_pressure": "f_p that the scenario wants",
+    "scenario/fault/compressor_speed": "f_N of the scenario",
+    "scenario/fault/evaporator_pressure": "f_p of the scenario",
     "controller/command": "u, within its limits",
     "actuator/command": "what reaches the plant: u with f_N",
     "fdi/innovation/evaporator_pressure": "f_e, row of p_e",
@@ -53,7 +53,7 @@ DIFFERENCES = ("plant/superheat", "measured/superheat", "reference/superheat")
 
 
 def unit(topic: Topic) -> str:
-    """Unit of a topic's values on the wire."""
+    """Return the unit of a topic's values in its messages."""
     if topic.name == "scenario/air":
         return "kg/s"
     if topic.type == JOINTS:
@@ -66,7 +66,7 @@ def unit(topic: Topic) -> str:
 
 
 def topics_page() -> str:
-    """Content of the page of the topics."""
+    """Return the content of the page of the topics."""
     rows = [
         f"| `{t.name}` | {MEANING[t.name]} | {t.type.rpartition('/')[2]}, {unit(t)} | {t.publisher} | "
         f"{', '.join(t.subscribers) or '–'} |"
@@ -113,16 +113,17 @@ def topics_page() -> str:
 
 
 def parameters_page() -> str:
-    """Content of the page of the nodes' parameters."""
+    """Return the content of the page of the nodes' parameters."""
     parts = [
         "# Parameters of the nodes",
         "",
         WRITTEN.format("`PARAMETERS` in each node's module"),
         "",
-        "`acftc run` sets them from the scenario. `acftc run ... --params-file FILE` has the last word; `ros2 param",
-        "describe /ac/fdi sensors` says the same as this page. A node that is started alone takes them from the YAML",
-        "file beside its code, or from yours: `python -m fdi_node --ros-args --params-file my.yaml`. *Live*: may be",
-        "set while the node runs.",
+        "`acftc run` sets them from the scenario; `acftc run ... --params-file FILE` overrides them. `ros2 param",
+        "describe /ac/fdi design_file` shows what this page says. A node that is started alone takes them from the",
+        "YAML file beside its code, or from yours: `python -m fdi_node --ros-args --params-file my.yaml`. `fdi`,",
+        "`compensator` and `gimc_controller` need a `design_file`: [how to make",
+        "one](../ros2.md#designs-of-nodes-that-are-started-alone). *Live*: may be set while the node runs.",
         "",
         "## All nodes",
         "",
@@ -148,7 +149,7 @@ def _table(parameters: Sequence[Parameter]) -> list[str]:
 
 
 def commands_page() -> str:
-    """Content of the page of the command line."""
+    """Return the content of the page of the command line."""
     from bringup.cli import cli
 
     parts = ["# Command line", "", WRITTEN.format("the commands in `bringup/commands/`"), ""]
@@ -164,7 +165,7 @@ def commands_page() -> str:
 
 
 def pages() -> dict[Path, str]:
-    """Every page that this module writes, with its content."""
+    """Return every page that this module writes, with its content."""
     return {
         FOLDER / "topics.md": topics_page(),
         FOLDER / "parameters.md": parameters_page(),

@@ -1,4 +1,4 @@
-"""The page `docs/reproduction.md`: the paper's experiments, its numbers beside ours, from one run of `acftc reproduce`.
+"""Write the page `docs/reproduction.md`, the paper's numbers beside ours, from one run of `acftc reproduce`.
 
 ``python -m docs.tools.reproduction_page --cycle sc03.csv`` runs the experiments and writes the page, its pictures and
 `docs/reproduction/paper.json` anew. It takes some minutes; a test only compares the page with `paper.json`.
@@ -17,7 +17,7 @@ FOLDER = PAGE.with_suffix("")
 
 
 def text(content: dict[str, Any]) -> str:
-    """Content of the page, given that of ``paper.json``."""
+    """Return the content of the page, given that of ``paper.json``."""
     parts = [
         "# The paper's experiments",
         "",

@@ -1,4 +1,4 @@
-"""The page `docs/scenarios.md`, written from the schema so that it cannot drift from it.
+"""Write the page `docs/scenarios.md` from the schema.
 
 ``python -m docs.tools.scenario_reference`` writes it anew; a test compares it with the code.
 """
@@ -33,7 +33,7 @@ _PROFILE_DEFAULTS = {
 
 PAGE = Path(__file__).parents[2] / "docs" / "scenarios.md"
 
-#: What each key means; a key of the schema that is missing here fails the page.
+#: Meaning of each key; a key of the schema that is missing here is an error.
 MEANING = {
     "name": "what the run is called",
     "description": "one sentence for people",
@@ -44,9 +44,9 @@ MEANING = {
     "sensors": "3: p_e, superheat and the wall thermocouple; 2: without the thermocouple, K0 alone (`passive: true`)",
     "superheat_sensor": "direct: superheat is measured; derived: from an outlet thermocouple and the measured pressure",
     "controller": "tracking: K0 holds both references; paper: K0 after the paper's passive case, which leaves SH alone",
-    "references": "what the controller is to follow; below 175 kPa or 8 K its protection holds that value instead",
+    "references": "references of the controller; its protection raises those below 175 kPa or 8 K to that value",
     "air": "the evaporator's air side",
-    "faults": "a list of faults; those of one kind that are there at a time must not be more than one may be",
+    "faults": "a list of faults; the sum of those of one kind that overlap must stay within the limits of one",
     "noise": "the sensors' noise",
     "at_s": "when the change begins",
     "to": "where it ends, in the unit of the list's key",
@@ -74,7 +74,7 @@ MEANING = {
 
 
 def text() -> str:
-    """Content of the page."""
+    """Return the content of the page."""
     parts = [
         "# Scenarios",
         "",
@@ -118,7 +118,7 @@ def text() -> str:
 
 
 def _allowed(field: FieldInfo) -> str:
-    """What a key may hold: type, and range where there is one."""
+    """Return the allowed values of a key: type, and range where there is one."""
     kind: Any = field.annotation
     options = [option for option in get_args(kind) if option is not NoneType]
     if isinstance(kind, UnionType) and len(options) == 1:
