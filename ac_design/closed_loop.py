@@ -26,7 +26,7 @@ def loop_matrix(
     block: str,
     gain: float = 1.0,
 ) -> Matrix:
-    """State matrix of the sampled loop, state [plant, observer, Q, K0].
+    """Return the state matrix of the sampled loop, state [plant, observer, Q, K0].
 
     Parameters
     ----------
@@ -60,7 +60,20 @@ def loop_matrix(
 
 
 def plant_away(point: str, pressure_pa: float, superheat_k: float) -> control.StateSpace:
-    """Linear plant at rest with p_e and SH so far off the operating point, air as it is there."""
+    """Return the linear plant at the equilibrium with p_e and SH off the operating point, the air as at that point.
+
+    Parameters
+    ----------
+    point : str
+        "low", "med" or "high".
+    pressure_pa, superheat_k : float
+        Offsets of p_e and SH.
+
+    Raises
+    ------
+    RuntimeError
+        When no equilibrium is found.
+    """
     rest = operating_point(point)
     wanted = rest.outputs[:2] + np.array([pressure_pa, superheat_k])
 

@@ -10,12 +10,12 @@ Q_sen keeps the command, and with it the actual outputs, unmoved by a fault of t
     min || [alpha_d So Pdy, 0; 0, -alpha_f W Si K Pfy_sen]
            + [-alpha_d So Puy V~^-1; -alpha_f W Si V~^-1] Q [N~d N~f_sen] ||
 
-Solved is that with two changes. The actual outputs stand in place of those read, so that what K0 makes of f_p is in
-the first row as well, in place of the zero. And alpha_d is on the disturbance as well as on the first row: its corner
-is alpha_d^2 So Pdy.
+The second problem is solved with two changes. The actual outputs replace the readings, so K0's response to f_p appears
+in the first row, where the paper has a zero. And alpha_d scales the disturbance as well as the first row: the upper
+left entry is alpha_d^2 So Pdy.
 
-With both faults there is one thing to ask for: that the actual outputs stay where they are. Since the pressure that is
-read is the actual one plus f_p, that is the first problem for y less the fault in the reading.
+For both faults at once the actual outputs have to stay where they are. Since the reading of the pressure is the actual
+pressure plus f_p, that is the first problem for y minus the fault in the reading.
 """
 
 import time
@@ -61,34 +61,34 @@ FAULTS_OF = {"Q_both": [0, 1], "Q_act": [0], "Q_sen": [1]}
 """The faults, as columns of the design model, that each compensator is for."""
 
 SLOPE_ERROR = 0.1
-"""How much of a derived superheat's fault, `-dT_sat/dp f_p`, may be other than the slope at the point says."""
+"""Relative error of the slope in the fault of a derived superheat, `-dT_sat/dp f_p`."""
 
 
 PEAK_STEP_S, PEAK_LENGTH_S = 0.1, 100.0
-"""Over which times the peaks of q are looked for; the plant settles within 60 s."""
+"""Step and length of the simulation in which the peaks of q are found; the plant settles within 60 s."""
 
 
 def low_frequency_weight(weights: MatchingWeights, size: int) -> Abcd:
-    """`W = (s + corner) / (s + integrator)` on each of `size` signals."""
+    """Return `W = (s + corner) / (s + integrator)` on each of `size` signals."""
     eye = np.eye(size)
     return Abcd(-weights.integrator_rad_s * eye, eye, (weights.corner_rad_s - weights.integrator_rad_s) * eye, eye)
 
 
 def output_objective(loop: control.StateSpace, readings: Matrix, weights: MatchingWeights) -> Abcd:
-    """From [d, n, f, q] to the actual `W [p_e, SH]`.
+    """Return the system from [d, n, f, q] to the actual `W [p_e, SH]`.
 
     Parameters
     ----------
     loop : StateSpace
         As `gimc.structure.closed_loop` returns it.
     readings : ndarray, shape (2, nf)
-        What the faults add to the readings of p_e and SH: taken off again to have the actual values.
+        What the faults add to the readings of p_e and SH; subtracted to give the actual values.
     """
     return series(low_frequency_weight(weights, 2), _with_noise(actual_outputs(loop, readings), weights))
 
 
 def sensor_objective(loop: control.StateSpace, readings: Matrix, weights: MatchingWeights) -> Abcd:
-    """From [d, n, f_p, q] to the actual `alpha_d [p_e, SH]` and to `W u`.
+    """Return the system from [d, n, f_p, q] to the actual `alpha_d [p_e, SH]` and to `W u`.
 
     A disturbance has to move u: only what the fault and q do to u counts, which takes a second copy of the loop.
     """
@@ -99,12 +99,12 @@ def sensor_objective(loop: control.StateSpace, readings: Matrix, weights: Matchi
 
 
 def actual_outputs(loop: control.StateSpace, readings: Matrix) -> Abcd:
-    """From [d, f, q] to p_e and SH as they are, not as they are read."""
+    """Return the system from [d, f, q] to the actual p_e and SH, without the faults in their readings."""
     return add(loop[2:4, 2:], -np.hstack([np.zeros((2, 1)), readings, np.zeros((2, 2))]))
 
 
 def _with_noise(system: Abcd, weights: MatchingWeights) -> Abcd:
-    """From inputs [d, f, q] to [d, n, f, q], d and f scaled; noise and doubt, in n, are there for f_e alone."""
+    """Replace the inputs [d, f, q] by [d, n, f, q], d and f scaled; n, noise and model uncertainty, has no effect."""
     nf, p = system.D.shape[1] - 3, len(weights.noise.level) + len(weights.doubt)
     route = np.zeros((3 + nf, 3 + nf + p))
     route[0, 0] = weights.disturbance
@@ -114,10 +114,11 @@ def _with_noise(system: Abcd, weights: MatchingWeights) -> Abcd:
 
 
 def innovations(system: FaultySystem, L: Matrix, weights: MatchingWeights) -> Abcd:
-    """From [d, n, f] to f_e, d and f scaled by alpha_d and alpha_f; n holds the readings' noise and the doubt.
+    """Return the system from [d, n, f] to f_e, d and f scaled by alpha_d and alpha_f.
 
-    The doubt is white noise on the commands that only f_e sees: what a plant that answers them otherwise than the model
-    puts into f_e. It keeps the loop gain small that q then closes through f_e.
+    n holds the noise of the readings and the model uncertainty: white noise on the commands that enters f_e only, like
+    the response of a plant to the commands that the model does not have. It keeps the gain of the loop small that q
+    closes through f_e on such a plant.
     """
     disturbances, faults = innovation_factors(system, L, weights.noise)
     commands = np.zeros((disturbances.nstates, 2))
@@ -129,7 +130,7 @@ def innovations(system: FaultySystem, L: Matrix, weights: MatchingWeights) -> Ab
 
 
 def matching_problem(objective: Abcd, innovation: Abcd) -> Abcd:
-    """Generalised plant of one compensator: from [d, n, f, q] to [objective, f_e]."""
+    """Return the generalised plant of one compensator, from [d, n, f, q] to [objective, f_e]."""
     columns, nw = objective.D.shape[1], innovation.D.shape[1]
     shared = np.zeros((columns + nw, columns))
     shared[:columns], shared[columns:, :nw] = np.eye(columns), np.eye(nw)
@@ -137,11 +138,11 @@ def matching_problem(objective: Abcd, innovation: Abcd) -> Abcd:
 
 
 def with_slope_error(system: FaultySystem) -> FaultySystem:
-    """The system of f_p with a second fault: what f_p puts into a derived superheat beyond the slope at the point.
+    """Add a second fault to the system of f_p: what f_p adds to a derived superheat beyond the slope at the point.
 
     `T_sat(p)` is curved, so away from the operating point f_p enters the superheat by a little less or more than the
-    design says. At the high point 4 % of it, 0.02 K, moved the command by 1 rpm at rest. Measured directly, the
-    superheat has no part in f_p, and the system is returned as it is.
+    design says. At the high point 4 % of it, 0.02 K, would move the command by 1 rpm at rest. A superheat that is
+    measured directly does not depend on f_p, and the system is returned unchanged.
     """
     if not system.F2[1].any():
         return system
@@ -173,7 +174,7 @@ def solve(
 
 
 def q_peaks(system: FaultySystem, L: Matrix, guard: control.StateSpace) -> Matrix:
-    """Peaks of the guard's q after unit steps of disturbance and faults, the largest for each command.
+    """Compute the peaks of the guard's q after unit steps of disturbance and faults, the largest for each command.
 
     Returns
     -------
@@ -192,7 +193,7 @@ def q_peaks(system: FaultySystem, L: Matrix, guard: control.StateSpace) -> Matri
 def synthesise(
     point: str, sample_time_s: float, weights: CompensatorWeights, controller: ControllerWeights, fdi: FdiWeights
 ) -> Arrays:
-    """Everything the compensator needs at one operating point, and the reports of its designs.
+    """Design the three compensators at one operating point.
 
     Returns
     -------

@@ -34,11 +34,11 @@ LEAD_UNIT = np.array([KPA, 1.0])
 """Units of `ControllerWeights.lead`: kPa and K."""
 
 PRIORITY_S = 5.0
-"""How far ahead one command makes up for the other one that is at a limit: some seconds are as good as any."""
+"""How far ahead the effect of the commands counts when one of them is at a limit; not critical."""
 
 
 def generalised_plant(model: DesignModel, weights: ControllerWeights) -> control.StateSpace:
-    """Plant from [w, u] to [z, e], weights included.
+    """Return the generalised plant from [w, u] to [z, e], weights included.
 
     Error weight: `(s/peak + bandwidth) / (s + integrator)`.
 
@@ -75,7 +75,7 @@ def generalised_plant(model: DesignModel, weights: ControllerWeights) -> control
 
 
 def coprime_gain(K: control.StateSpace, speed: float) -> Matrix:
-    """Gain Lk of K0's left coprime factors, which keeps the near-integrators of K0 as zeros of V~.
+    """Return the gain Lk of K0's left coprime factors, which keeps the near-integrators of K0 as zeros of V~.
 
     The zeros of `V~ = (Ak+Lk Ck, Lk, Ck, I)` are the poles of K0. With `Lk = 0` they would be cancelled by V~'s own
     poles; a filter Riccati equation moves those poles, the slow ones most, and leaves the zeros at the integrators.
@@ -90,13 +90,13 @@ def coprime_gain(K: control.StateSpace, speed: float) -> Matrix:
 
 
 def factored(K: control.StateSpace, Lk: Matrix) -> control.StateSpace:
-    """`[U~, I - V~]`: from [r - y, u] to u, the form in which the controller runs."""
+    """Return `[U~, I - V~]` from [r - y, u] to u, the form in which the controller runs."""
     closed = K.A + Lk @ K.C
     return state_space((closed, np.hstack([K.B + Lk @ K.D, -Lk]), K.C, np.hstack([K.D, np.zeros((2, 2))])))
 
 
 def limit_priority(model: DesignModel) -> Matrix:
-    """`G' G`, G what unit steps of the commands [rad/s, 0..1] do to p_e and SH within `PRIORITY_S`, in design units."""
+    """Return `G' G`, G the response of p_e and SH [design units] after `PRIORITY_S` to steps of the commands (SI)."""
     system = model.system
     held = discretise(control.ss(system.A, system.B, system.C[:2], np.zeros((2, 2))), PRIORITY_S, "zoh")
     G = held.C @ held.B / COMMAND_UNIT
@@ -104,7 +104,7 @@ def limit_priority(model: DesignModel) -> Matrix:
 
 
 def synthesise(point: str, sample_time_s: float, weights: ControllerWeights) -> Arrays:
-    """Everything the controller needs at one operating point, and the report of the design.
+    """Design K0 and its coprime factors at one operating point.
 
     Returns
     -------

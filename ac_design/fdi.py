@@ -1,10 +1,11 @@
 """Design of the observer (M~, N~) and of the isolation filter H at one operating point.
 
 H minimises `|| [0 T] - H [N~d N~f] ||` (the paper's isolation problem) with `T = I / (10 s + 1)`: the residual is
-then a low-passed estimate of each fault in its own unit, and the air flow, which nobody measures, leaves no trace.
+then a low-passed estimate of each fault in the unit of that fault, and the air flow, which is not measured, has no
+effect.
 
-Each row of H, one for each residual, is a problem of its own: in the norm of both together the worse row leaves the
-other one free. So each is solved by itself, and in each the other fault may be made dearer than the own one.
+The rows of H, one for each residual, are solved separately: the norm of both together is that of the worse row, which
+leaves the other one undetermined. In each row the other fault may have a larger weight than the row's fault.
 """
 
 import time
@@ -50,14 +51,14 @@ from gimc.structure import FaultySystem, disturbance_factor, fault_factor
 Matrix = NDArray[np.float64]
 
 STEP_LENGTH_S = 100.0
-"""How long after a step of the air flow its trace in the residuals is looked for; the plant settles within 60 s."""
+"""Length of the simulation that finds the peak of the residuals after a step of air flow; the plant settles in 60 s."""
 
 RANK_NOISE = 1e-5
 """White noise on every measurement, in design units, so small that it only keeps the problem regular."""
 
 
 def observer_gain(system: FaultySystem, weights: FdiWeights) -> Matrix:
-    """Gain L of M~ and N~: the stationary Kalman filter for noise on commands and air flow, `A + L C` stable."""
+    """Return the gain L of M~ and N~: that of the stationary Kalman filter for noise on commands and air flow."""
     inputs = weights.process_noise * np.hstack([system.B, system.E1])
     plant = control.ss(system.A, system.B, system.C, system.D)
     return filter_gain(plant, process=inputs @ inputs.T, measurement=np.ones(len(system.C)))
@@ -66,9 +67,9 @@ def observer_gain(system: FaultySystem, weights: FdiWeights) -> Matrix:
 def innovation_factors(
     system: FaultySystem, L: Matrix, noise: MeasurementNoise
 ) -> tuple[control.StateSpace, control.StateSpace]:
-    """Factors `[N~d, M~ W]` and `N~f` on one common state: `f_e = -([N~d, M~ W] [d; n] + N~f f)`.
+    """Return `[N~d, M~ W]` and `N~f` on one common state: `f_e = -([N~d, M~ W] [d; n] + N~f f)`.
 
-    A noise on the measurements enters f_e through M~, so the regularisation has its colour, and a filter's problem does
+    Noise on the measurements enters f_e through M~, and so does the regularisation; hence the problem of a filter does
     not depend on the choice of L.
     """
     p, nf = len(system.C), system.F1.shape[1]
@@ -85,13 +86,13 @@ def innovation_factors(
 
 
 def target(weights: FdiWeights, size: int) -> control.StateSpace:
-    """`T = I / (target_time s + 1)`."""
+    """Return `T = I / (target_time s + 1)`."""
     speed, eye = np.eye(size) / weights.target_time_s, np.eye(size)
     return state_space((-speed, speed, eye, np.zeros((size, size))))
 
 
 def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
-    """Everything the detector needs at one operating point, and the report of the design.
+    """Design observer, isolation filter and thresholds at one operating point.
 
     Returns
     -------
@@ -141,7 +142,7 @@ def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
 class IsolationRow:
     """One row of H: the problem `min || W ([0 t] - h [N~d, N~f S]) ||`, t the row of T, and its solution.
 
-    S makes the other fault's column dearer (`FdiWeights.cross_talk`); it is part of the weights, not of the filter.
+    S weights the column of the other fault (`FdiWeights.cross_talk`); it is part of the weights, not of the filter.
     """
 
     block: str
@@ -153,18 +154,18 @@ class IsolationRow:
 
     @property
     def filter(self) -> Abcd:
-        """The row h."""
+        """Return the row h."""
         return series(inverse(self.weight), self.matching.filter)
 
     def norm(self, h: control.StateSpace, *, plain: bool = False) -> float:
-        """Norm that the row h reaches in this problem, or without W and S."""
+        """Return the norm of this problem with the row h, or without W and S."""
         error = add(self.target, scale(series(h, self.innovation), left=-np.eye(1)))
         if plain:
             return float(hinf_norm(scale(error, right=1.0 / self.dearness))[0])
         return float(hinf_norm(series(self.weight, error))[0])
 
     def report(self, h: control.StateSpace, order: int, weights: FdiWeights, seconds: float) -> BlockReport:
-        """What `acftc design` says of it, h the row after reduction to a state of `order` that both rows share."""
+        """Return the report of this row, h the row after reduction to a state of `order` that both rows share."""
         return BlockReport(
             block=self.block,
             claimed=self.matching.synthesis.claimed_gamma,
@@ -192,6 +193,11 @@ def isolation_rows(
     weights : FdiWeights
     eps : float
         White noise on the measurements that keeps the problem regular.
+
+    Returns
+    -------
+    list of IsolationRow
+        Of r_N and r_p.
     """
     # W ([0 t] - h N) = [0 W t] - (W h) N: W is stable with a stable inverse, so the filter that is free is W h.
     W, T = error_weight(weights, 1), target(weights, 2)
@@ -210,12 +216,12 @@ def isolation_rows(
 
 
 def stacked(rows: list[IsolationRow]) -> Abcd:
-    """H in full order."""
+    """Return H in full order, its rows stacked."""
     return stack_outputs(*(row.filter for row in rows))
 
 
 def error_weight(weights: FdiWeights, size: int) -> Abcd:
-    """Weight on the isolation error (see `FdiWeights`), made proper and invertible far above the band that matters."""
+    """Return the weight on the isolation error (see `FdiWeights`), made proper and invertible."""
     corner, rolloff, eye = weights.error_corner_rad_s, weights.error_rolloff_rad_s, np.eye(size)
     rest = weights.error_at_rest * corner
     low = Abcd(-rest * eye, eye, (corner - rest) * eye, eye)
@@ -225,10 +231,10 @@ def error_weight(weights: FdiWeights, size: int) -> Abcd:
 
 
 def sampled_innovation(model: DesignModel, weights: FdiWeights, sample_time_s: float) -> tuple[Matrix, Matrix, Matrix]:
-    """Sampled N~ and M~ in SI units: `xi+ = a xi + b [u, T_ea, y]`, `f_e = c xi - y`.
+    """Return (a, b, c) of the sampled N~ and M~ in SI units: `xi+ = a xi + b [u, T_ea, y]`, `f_e = c xi - y`.
 
-    The factors of the plant sampled with its inputs held: without faults and disturbances, f_e of the linear plant is
-    zero at every tick, however the commands move.
+    They are the factors of the plant sampled with its inputs held: without faults and disturbances, f_e of the linear
+    plant is zero at every tick, however the commands move.
     """
     system = model.system
     inputs = weights.process_noise * np.hstack([system.B, system.E1])

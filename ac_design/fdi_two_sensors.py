@@ -1,8 +1,8 @@
 """The detector that the paper starts from (E2, E3): isolation with p_e and superheat, without the wall thermocouple.
 
-Two measurements suffice for two faults, so the filter is designed without a disturbance; an unknown air flow then goes
-straight into the residuals. `lower_bound` says why no other filter is better. The design has the shape of the usual
-one, with the wall temperature switched out, so the same detector runs it.
+Two measurements suffice for two faults without a disturbance, so the filter is designed without one; an unknown air
+flow then enters the residuals. `lower_bound` shows that no other filter is better. The design has the shape of that for
+three sensors with zeros for the wall temperature, so the same detector runs it.
 """
 
 from dataclasses import replace
@@ -34,14 +34,14 @@ from gimc.structure import FaultySystem, disturbance_factor, fault_factor
 SENSORS = 2
 #: White noise that regularises the lower bound's problem, in design units.
 EPS = 0.02
-#: How much dearer the other fault is in a residual, as in `FdiWeights`: without a disturbance there is room for more.
+#: Weight of the other fault in a residual, as in `FdiWeights`; without a disturbance larger ones are possible.
 CROSS_TALK = (4.0, 16.0)
 #: Noise on commands and air flow in the observer's Riccati equation, over a measurement noise of one.
 PROCESS_NOISE = 0.3
 
 
 def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
-    """Everything the detector needs for two measurements at one operating point.
+    """Design observer, isolation filter and thresholds for two measurements at one operating point.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
     sample_time_s : float
         0.01 to 0.1 s.
     weights : FdiWeights
-        Of these: T's time constant, the weights of the error, the noise to bear, the sensors' noise, the false alarms.
+        Used: T's time constant, weights of the error, regularisation, noise of the sensors, rate of false alarms.
 
     Returns
     -------
@@ -70,7 +70,7 @@ def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
     separating = replace(weights, cross_talk=CROSS_TALK)
     rows = isolation_rows(*innovation_factors(calm, L, borne), separating, RANK_NOISE)
     reduced = reduce_order(stacked(rows), rtol=weights.reduction, keep_dc_gain=True).system
-    # f_e = -(N~d d + N~f f), as for the usual detector.
+    # f_e = -(N~d d + N~f f), as for three sensors.
     H = discretise(to_si(-reduced, OUTPUT_UNIT[:SENSORS], FAULT_UNIT), sample_time_s)
 
     observer = sampled_observer(plant, sample_time_s, **noise)
@@ -102,6 +102,6 @@ def synthesise(point: str, sample_time_s: float, weights: FdiWeights) -> Arrays:
 
 
 def _bound(system: FaultySystem, L: NDArray[np.float64], weights: FdiWeights) -> float:
-    """No filter makes `|| [0 T] - H [N~d N~f] ||` smaller, the air flow unknown."""
+    """Return the lower bound of `|| [0 T] - H [N~d N~f] ||` over all H, the air flow unknown."""
     Nd, Nf = disturbance_factor(system, L), fault_factor(system, L)
     return isolation_synthesis(Nd, Nf, target(weights, Nf.ninputs), EPS).plain_lower_bound

@@ -1,7 +1,7 @@
-"""The linear plant as every design sees it: which inputs are commands, disturbances and faults, and in which units.
+"""The linear plant of all designs: which inputs are commands, disturbances and faults, and in which units.
 
-All designs work in *design units*, in which 1 is a typical excursion; H-infinity norms then weigh a rpm against a
-pascal as an engineer would. `to_si` takes a filter from there to SI units.
+All designs use *design units*, in which 1 is a typical excursion, so that H-infinity norms compare rpm and pascals as
+an engineer would. `to_si` converts a filter to SI units.
 """
 
 from dataclasses import dataclass
@@ -54,7 +54,7 @@ class DesignModel:
 
 
 def design_model(point: str, superheat: SuperheatSensor = "direct") -> DesignModel:
-    """Linear plant at "low", "med" or "high", scaled to design units.
+    """Return the linear plant at "low", "med" or "high", scaled to design units.
 
     With the superheat measured directly (the paper's sensor model) f_p enters the reading of p_e alone; derived from
     the measured pressure, it enters the superheat's, too, by `-dT_sat/dp f_p`.
@@ -87,7 +87,13 @@ def design_model(point: str, superheat: SuperheatSensor = "direct") -> DesignMod
 
 
 def pressure_in_readings(point: str, superheat: SuperheatSensor) -> Matrix:
-    """What one pascal too much in the reading of p_e adds to the readings of p_e [Pa], SH [K], T_w [K], shape (3,)."""
+    """Return what f_p = 1 Pa adds to the readings of p_e [Pa], SH [K] and T_w [K], shape (3,).
+
+    Raises
+    ------
+    ValueError
+        For an unknown sensor of the superheat.
+    """
     if superheat not in get_args(SuperheatSensor):
         raise ValueError(f"superheat sensor {superheat!r}; allowed: {' or '.join(get_args(SuperheatSensor))}")
     slope = saturation_slope(operating_point(point).outputs[0]) if superheat == "derived" else 0.0
@@ -95,14 +101,17 @@ def pressure_in_readings(point: str, superheat: SuperheatSensor) -> Matrix:
 
 
 def sensor_noise(point: str, weights: FdiWeights) -> Matrix:
-    """Standard deviations of the readings' noise as a matrix (3, 3), SI: noise of p_e enters a derived superheat."""
+    """Return a factor S of the covariance `S S'` of the readings' noise, shape (3, 3), SI.
+
+    The noise of p_e also enters a derived superheat.
+    """
     noise = np.diag(weights.sensor_noise)
     noise[:, 0] = weights.sensor_noise[0] * pressure_in_readings(point, weights.superheat)
     return noise
 
 
 def to_si(filter_: control.StateSpace, input_unit: Matrix, output_unit: Matrix) -> control.StateSpace:
-    """Filter in SI units from one in design units, the units of its inputs and outputs given in SI."""
+    """Return a filter in SI units from one in design units, the units of its inputs and outputs given in SI."""
     return control.ss(
         filter_.A,
         filter_.B / input_unit,

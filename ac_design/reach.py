@@ -1,4 +1,4 @@
-"""Where q has to be scaled: the gain margins of a point's own compensators at rest elsewhere, for `Reach`."""
+"""Where q has to be scaled: gain margins of a point's compensators with the plant at rest elsewhere, for `Reach`."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,20 +12,20 @@ from gimc_controller_node.controller import ControllerDesign
 Vector = NDArray[np.float64]
 
 MARGIN = 2.0
-"""Gain margin that is left, where there is one to be left: the customary 6 dB."""
+"""Gain margin that the scaling of q keeps: the customary 6 dB."""
 
 OFFSETS = np.array([[-40.0, -20.0, 0.0, 20.0, 40.0], [-10.0, -5.0, 0.0, 5.0, 10.0]]) * np.array([[KPA], [1.0]])
-"""Where the margins are computed: p_e [Pa] and SH [K] off the operating point, each by itself."""
+"""Where the margins are computed: p_e [Pa] and SH [K] off the operating point, one of them at a time."""
 
 GAINS = np.geomspace(0.05, 5.0, 24)
 """Factors on q that are tried."""
 
 
 def reach_excess(point: str, fdi: FdiDesign, controller: ControllerDesign, compensator: CompensatorDesign) -> Vector:
-    """How many times larger q is than it may be with `MARGIN` left, at each of `OFFSETS`, shape (2, 5).
+    """Return how many times q exceeds what leaves the gain margin `MARGIN`, at each of `OFFSETS`, shape (2, 5).
 
-    At the operating point itself it is zero: `f_e` does not depend on q there. Where the plant cannot rest, it is what
-    it is at the next offset nearer to the point.
+    At the operating point itself it is zero: `f_e` does not depend on q there. Where the plant has no equilibrium, it
+    is the value at the next offset nearer to the point.
     """
     excess = np.zeros(OFFSETS.shape)
     middle = OFFSETS.shape[1] // 2

@@ -1,4 +1,4 @@
-"""What `acftc design` says about one block: what the synthesis claims, and what was found when it was checked."""
+"""What `acftc design` prints of one block: the norm that the synthesis claims, and what the check of it found."""
 
 import json
 from dataclasses import asdict, dataclass
@@ -24,10 +24,10 @@ class BlockReport:
         The same with the result after order reduction.
     plain : float
         For H, the norm of the paper's problem with the reduced row: without the weight on the error. For the
-        compensators, of the problem without rho and eps, with the full-order result; noise and doubt, which
-        `MatchingWeights` has beyond the paper, are in it. For K0, without the regularisation.
+        compensators, of the problem without rho and eps, with the full-order result; noise and model uncertainty, which
+        `MatchingWeights` has beyond the paper, are included. For K0, without the regularisation.
     lower_bound : float
-        No result can do better (nan: none known).
+        Lower bound of the norm (nan: none known).
     order, order_reduced : int
     regularisation : str
         What was added to make the problem regular, in design units.
@@ -50,10 +50,10 @@ class BlockReport:
     seconds: float
 
     def to_array(self) -> NDArray[Any]:
-        """As a 0-d array of text, which the cache stores beside the matrices."""
+        """Return the report as a 0-d array of text, which the cache stores beside the matrices."""
         return np.array(json.dumps(asdict(self)))
 
     @classmethod
     def from_array(cls, text: NDArray[Any]) -> "BlockReport":
-        """Read back what `to_array` wrote."""
+        """Return the report that `to_array` wrote."""
         return cls(**json.loads(str(text)))

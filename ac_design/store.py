@@ -1,4 +1,4 @@
-"""Designs of all blocks at an operating point: computed once for each content that they depend on, then kept."""
+"""Designs of all blocks at an operating point, cached under a hash of everything that they depend on."""
 
 import importlib
 import math
@@ -27,13 +27,13 @@ from fdi_node import FdiDesign
 from gimc_controller_node import CompensatorDesign, ControllerDesign
 
 PACKAGES = ("gimc", "ac_plant_node", "fdi_node", "gimc_controller_node", "ac_design")
-"""Those whose sources decide what a design is."""
+"""The packages whose sources determine a design."""
 SYNTHESES = {2: ("fdi-two-sensors", "ac_design.fdi_two_sensors"), 3: ("fdi", "ac_design.fdi")}
 """For each number of sensors: name in the cache, and the module that designs."""
 
 
 def cached_design(block: str, synthesis: str, point: str, sample_time_s: float, *weights: Any) -> Arrays:
-    """Sampled design of one block at one operating point.
+    """Return the sampled design of one block at one operating point, from the cache or synthesised.
 
     Parameters
     ----------

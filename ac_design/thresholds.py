@@ -1,4 +1,4 @@
-"""Detection thresholds: how far noise alone takes a residual, how often, and how far a change of the air flow does."""
+"""Detection thresholds: from the noise of the residuals, its rate of false alarms, and a change of the air flow."""
 
 import math
 
@@ -12,7 +12,7 @@ Matrix = NDArray[np.float64]
 def residual_covariances(
     observer: tuple[Matrix, Matrix, Matrix], filter_: tuple[Matrix, Matrix, Matrix, Matrix], noise: Matrix
 ) -> tuple[Matrix, Matrix]:
-    """Covariance of the residual under white sensor noise, at one tick and from one tick to the next.
+    """Compute the covariance of the residual under white sensor noise, at one tick and from one tick to the next.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def residual_covariances(
 
 
 def noise_thresholds(covariance: Matrix, shifted: Matrix, sample_time_s: float, alarms_per_hour: float) -> Matrix:
-    """Thresholds that noise alone crosses `alarms_per_hour` times an hour, each residual by itself.
+    """Compute thresholds that noise alone crosses `alarms_per_hour` times an hour, each residual separately.
 
     Rice's formula for the crossings of a level by a stationary Gaussian process (S. O. Rice, "Mathematical analysis of
     random noise", 1944), for both signs, with the zero-crossing rate from the correlation of neighbouring ticks:
@@ -66,7 +66,7 @@ def step_peaks(
     filter_: tuple[Matrix, Matrix, Matrix, Matrix],
     ticks: int,
 ) -> Matrix:
-    """Largest residuals after a unit step of an unknown input.
+    """Compute the peaks of the residuals after a unit step of an unknown input.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def step_peaks(
     observer, filter_
         As in `residual_covariances`.
     ticks : int
-        How long to look.
+        Length of the simulation.
 
     Returns
     -------

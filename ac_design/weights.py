@@ -1,4 +1,4 @@
-"""What the designs of observer, isolation filter, K0 and compensators are free to choose, in design units."""
+"""Weights of the designs of observer, isolation filter, K0 and compensators, in design units."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -28,7 +28,7 @@ class MeasurementNoise:
     corner_rad_s: float = 0.1
 
     def __str__(self) -> str:
-        """As `acftc design` prints it."""
+        """Return the text that `acftc design` prints."""
         return f"eps {', '.join(f'{level:g}' for level in self.level)}"
 
 
@@ -41,28 +41,27 @@ class FdiWeights:
     target_time_s : float
         Time constant of T: the residuals are the faults through `1 / (target_time_s s + 1)`.
     noise : MeasurementNoise
-        What H has to bear: the regularisation "eps".
+        The regularisation "eps" of H.
     error_corner_rad_s, error_at_rest, error_rolloff_rad_s : float
-        The weight on `[0 T] - H [N~d N~f]`, `(s + corner) / (s + at_rest * corner) * (s / rolloff + 1)`: an error is
-        dear at rest, where the estimates are read, and far above T's bandwidth, where steps cross over into the other
-        residual. Zeros of `[N~d N~f]` in the right half plane near 1 rad/s leave an error of about T there whatever H
-        does.
+        The weight on `[0 T] - H [N~d N~f]`, `(s + corner) / (s + at_rest * corner) * (s / rolloff + 1)`: large at rest,
+        where the estimates are read, and far above T's bandwidth, where steps appear in the other residual. Zeros of
+        `[N~d N~f]` in the right half plane near 1 rad/s leave an error of about T there with any H.
     cross_talk : tuple of float
-        How much dearer the other fault is in a residual than its own one: f_p in r_N, f_N in r_p.
+        Weight of the other fault in a residual, relative to its fault: f_p in r_N, f_N in r_p.
     air_flow : float
-        How dear the air flow is in the residuals of H for three sensors, against the faults.
+        Weight of the air flow in the residuals of H for three sensors, relative to the faults.
     process_noise : float
         Noise on commands and air flow in the observer's Riccati equation, over a measurement noise of one: small, so
         that M~ and N~ are slow against the sampling rate.
     sensor_noise : tuple of float
-        What the sensors of p_e [Pa], SH [K], T_w [K] really have (rms at the sampling instants), for the thresholds.
+        Noise of the sensors of p_e [Pa], SH [K], T_w [K] (rms at the sampling instants), for the thresholds.
     false_alarms_per_hour : float
         How often noise alone may take a residual over its threshold.
     air_flow_step : float
         Step of the air flow that must not be taken for a fault (1: a tenth of the operating point's flow).
     reduction : float
-        How far the order reduction may be off, by its bound of twice the Hankel singular values left out, as a part of
-        the H-infinity norm of H.
+        Largest error of the order reduction, by its bound of twice the Hankel singular values left out, relative to the
+        H-infinity norm of H.
     superheat : "direct" or "derived"
         The superheat's sensor; derived, f_p and the noise of p_e enter both readings.
     """
@@ -84,7 +83,7 @@ class FdiWeights:
 
 @dataclass(frozen=True)
 class ControllerWeights:
-    """Weights of the synthesis, in design units (see `ac_design.model`).
+    """Weights of the synthesis of K0, in design units (see `ac_design.model`).
 
     Attributes
     ----------
@@ -105,15 +104,15 @@ class ControllerWeights:
     factor_speed : float
         Speed of V~'s and U~'s poles (see `ac_design.controller.coprime_gain`).
     reduction : float
-        What the order reduction may change K0 by, in design units.
+        Largest error of the order reduction of K0, in design units.
     limits : CommandLimits
-        Of the commands; no part of the synthesis, but of what the controller does.
+        Limits of the commands; not used in the synthesis, but by the controller.
     lead : tuple of float
-        How far a reference of p_e [kPa] and SH [K] may run ahead of the loop
-        (`gimc_controller_node.reference_governor`): more than the paper's experiments ask for at once, less than what
-        shuts the valve at the low point.
+        Part of a step of the references of p_e [kPa] and SH [K] that the reference governor
+        (`gimc_controller_node.reference_governor`) passes on at once: more than the steps of the paper's experiments,
+        less than what shuts the valve at the low point.
     lag_s : tuple of float
-        How fast the loop is taken to follow, s: slower than it does.
+        Time constants with which the governor assumes that the loop follows, s: slower than the loop.
     """
 
     bandwidth_rad_s: tuple[float, float] = (0.3, 0.1)
@@ -137,7 +136,7 @@ PAPER_CONTROLLER = ControllerWeights(
     command=(0.365, 0.1),
     output=(0.1, 0.05),
 )
-"""K0 as the paper's passive case has it: it holds p_e, leaves SH alone, and moves the valve as well as the compressor.
+"""K0 after the paper's passive case: it holds p_e, leaves SH uncontrolled, and moves valve and compressor.
 
 An actuator fault of 40 rpm is then taken back by 20 rpm, the rest by the valve. The default of `ControllerWeights`
 holds both references instead and takes back all of it.
@@ -164,10 +163,11 @@ class MatchingWeights:
     noise : MeasurementNoise
         Regularisation eps on the measurements.
     doubt : tuple of float
-        How far the plant's answer to N and alpha may be off the model's, as noise on the commands that f_e alone sees.
+        Model uncertainty: how far the plant's response to N and alpha may differ from the model's, as noise on the
+        commands that enters f_e only.
     reduction : float
-        How far the order reduction may be off, by its bound of twice the Hankel singular values left out, as a part of
-        the H-infinity norm of Q.
+        Largest error of the order reduction, by its bound of twice the Hankel singular values left out, relative to the
+        H-infinity norm of Q.
     """
 
     disturbance: float = 0.1
@@ -187,16 +187,16 @@ class CompensatorWeights:
     Attributes
     ----------
     guard : MatchingWeights
-        Of Q for both faults at once, which stands guard. It spares the valve: under noise a valve in motion moves the
+        Of Q_both, for both faults at once. It penalises the valve more: a valve that moves under noise shifts the
         plant's mean, which looks like a fault.
     actuator, sensor : MatchingWeights
         Of Q_act and Q_sen.
     handover_time_s : float
         Time constants (two lags) with which Q_act or Q_sen takes over from the guard once its fault is isolated.
     fade_time_s : float
-        Time constant with which it goes out again.
+        Time constant with which it fades out again.
     washout_time_s : float
-        Time constants (two lags) with which the compensators forget what they give at rest while no fault is isolated.
+        Time constants (two lags) of the washout of the compensators' outputs while no fault is isolated.
     """
 
     guard: MatchingWeights = MatchingWeights(
@@ -214,8 +214,8 @@ class CompensatorWeights:
 
 
 QUICK_GUARD = MatchingWeights(penalty=(0.1, 1.0), noise=MeasurementNoise((0.01, 0.01, 0.005)), reduction=2e-5)
-"""A guard for sensors that are quieter than those assumed: it keeps a fault's peak near its bound.
+"""A guard for sensors with less noise than assumed: it keeps the peak of a fault near its lower bound.
 
-Under the assumed noise it moves the commands twice as much as the guard in use, and with them the plant's mean, which
+Under the assumed noise it moves the commands twice as much as the default guard, and with them the plant's mean, which
 looks like a fault.
 """

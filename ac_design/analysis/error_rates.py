@@ -1,4 +1,4 @@
-"""How often noise alone is taken for a fault, how often a fault for noise: computed, and by simulated noise.
+"""False alarms and missed detections, computed and counted in simulated noise.
 
 ``python -m ac_design.analysis.error_rates`` prints the table of `docs/control.md`. The chain is the sampled linear one:
 noise into observer and isolation filter, residuals against their thresholds.
@@ -26,7 +26,7 @@ HOUR_S = 3600.0
 
 @dataclass(frozen=True)
 class ErrorRates:
-    """Both rates of one residual.
+    """Rates of false alarms and missed detections of one residual.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class ErrorRates:
 
 
 def error_rates(fdi: FdiDesign, noise: Matrix, sizes: tuple[float, float]) -> tuple[ErrorRates, ...]:
-    """Rates of both residuals.
+    """Compute the rates of false alarms and missed detections of both residuals.
 
     Parameters
     ----------
@@ -56,7 +56,12 @@ def error_rates(fdi: FdiDesign, noise: Matrix, sizes: tuple[float, float]) -> tu
     noise : ndarray, shape (3, 3)
         As `ac_design.model.sensor_noise` gives it.
     sizes : tuple of float
-        The faults whose missing is asked for [rad/s, Pa].
+        Sizes of the faults for which the probability of a missed detection is computed [rad/s, Pa].
+
+    Returns
+    -------
+    tuple of ErrorRates
+        Of r_N and r_p.
     """
     covariance, shifted = residual_covariances(*_chain(fdi), noise)
     rates = []
@@ -76,7 +81,7 @@ def error_rates(fdi: FdiDesign, noise: Matrix, sizes: tuple[float, float]) -> tu
 
 
 def simulated_residuals(fdi: FdiDesign, noise: Matrix, runs: int, ticks: int, seed: int) -> Matrix:
-    """Residuals of `runs` independent runs under noise, shape (runs, ticks, 2), all runs advanced at once."""
+    """Return the residuals of `runs` independent runs under noise, shape (runs, ticks, 2), all simulated at once."""
     (a, b, c), (ha, hb, hc, hd) = _chain(fdi)
     A = block_diag(a, ha)
     A[len(a) :, : len(a)] = hb @ c

@@ -25,7 +25,7 @@ LARGEST_MARGIN = 100.0
 
 @dataclass(frozen=True)
 class LoopStability:
-    """Of one loop.
+    """Stability of one sampled loop.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class LoopStability:
 def loop_stability(
     plant: control.StateSpace, fdi: FdiDesign, controller: ControllerDesign, compensator: CompensatorDesign, block: str
 ) -> LoopStability:
-    """Poles and margin of the loop; parameters as of `loop_matrix`."""
+    """Compute poles and gain margin of the loop; parameters as in `ac_design.closed_loop.loop_matrix`."""
 
     def radius(gain: float) -> float:
         return float(np.abs(np.linalg.eigvals(loop_matrix(plant, fdi, controller, compensator, block, gain))).max())
@@ -65,7 +65,7 @@ def loop_stability(
 
 
 def medium_at(point: str, block: str, sample_time_s: float = 0.1) -> dict[str, LoopStability]:
-    """The medium point's Q at another point's plant and K0: with that point's observer, and with its own.
+    """Compute the stability of the medium point's Q with another point's plant and K0, for both points' observers.
 
     Returns
     -------
@@ -81,18 +81,18 @@ def medium_at(point: str, block: str, sample_time_s: float = 0.1) -> dict[str, L
 
 
 AWAY = ((-40.0, 0.0), (-20.0, 0.0), (20.0, 0.0), (0.0, 5.0), (0.0, -5.0), (0.0, -10.0))
-"""Where else each point's own compensators are looked at: p_e [kPa] and SH [K] off the operating point."""
+"""Where the compensators of each point are examined besides: p_e [kPa] and SH [K] off the operating point."""
 
 
 def own_away(point: str, kpa: float, kelvin: float, block: str, sample_time_s: float = 0.1) -> LoopStability:
-    """A point's own Q and observer where the plant rests elsewhere than they were designed for."""
+    """Compute the stability of a point's Q and observer for a plant that rests off that point."""
     fdi, k0 = design_fdi(point, sample_time_s), design_controller(point, sample_time_s)
     q = design_compensator(point, sample_time_s)
     return loop_stability(plant_away(point, kpa * KPA, kelvin), fdi, k0, q, block)
 
 
 def main() -> None:
-    """Print the medium point's compensators at all points, and each point's own away from it."""
+    """Print the stability of the medium point's compensators at all points, and of each point's off that point."""
     print("| Q of med at | block | observer of | slowest pole, rad/s | stable up to q times |")
     print("|---|---|---|---|---|")
     for point in ("low", "med", "high"):

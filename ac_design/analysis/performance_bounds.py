@@ -1,4 +1,4 @@
-"""What no sampled controller can do better: how far p_e moves before anything of a fault has been measured."""
+"""Bounds on the performance of any sampled controller: how far p_e moves before a fault can be measured."""
 
 import control
 import numpy as np
@@ -11,7 +11,7 @@ from gimc_controller_node.command_limits import CommandLimits
 
 
 def smallest_peak_pa(point: str, sample_time_s: float, size_rad_s: float) -> float:
-    """Bound for the peak of |p_e - p_e,r| after a step of f_N, under any causal sampled controller.
+    """Return a lower bound of the peak of |p_e - p_e,r| after a step of f_N, under any causal sampled controller.
 
     The fault steps at a tick, right after a measurement, as the scenarios have it; one that comes between two ticks is
     seen sooner after it, so this is the worst case. (For a controller in continuous time, as the paper's simulation has
@@ -40,16 +40,16 @@ def smallest_peak_pa(point: str, sample_time_s: float, size_rad_s: float) -> flo
 
 
 def attainable_peak_pa(point: str, sample_time_s: float, size_rad_s: float, ticks: int = 60) -> float:
-    """Least peak of |p_e - p_e,r| at the ticks, by commands that know all of the fault from the first tick after it on.
+    """Return the least peak of |p_e - p_e,r| at the ticks, for commands that know the fault one tick later.
 
-    A linear program over the commands of both actuators on the linear plant, within their rate limits. Where it is
-    `smallest_peak_pa`, that bound is not only valid but sharp: whoever recognises the fault in the first measurement
-    reaches it.
+    It is the solution of a linear program over the commands of both actuators on the linear plant, within their rate
+    limits. Where it equals `smallest_peak_pa`, that bound is sharp: a controller that recognises the fault in the first
+    measurement reaches it.
 
     Parameters
     ----------
     point, sample_time_s, size_rad_s
-        As of `smallest_peak_pa`.
+        As in `smallest_peak_pa`.
     ticks : int
         How far the program looks.
 

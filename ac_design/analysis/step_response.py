@@ -1,7 +1,7 @@
 """Steps of the references with K0 alone: ``python -m ac_design.analysis.step_response`` prints overshoots of p_e.
 
-With and without the governor, the commands' limits and the plant's nonlinearity, which is how docs/control.md tells
-what each of them does. A step lasts 200 s, and the way back as long.
+With and without the reference governor, the limits of the commands and the nonlinearity of the plant; docs/control.md
+has the table. A step lasts 200 s, and the way back as long.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,7 +21,7 @@ Vector = NDArray[np.float64]
 
 STEPS_KPA = {"low": (20.0, -20.0, 40.0, -40.0, 60.0), "med": (20.0, -20.0, 40.0, -40.0, 70.0, -100.0),
              "high": (20.0, -20.0, 40.0, -40.0, 60.0, 90.0)}  # fmt: skip
-"""The steps that are looked at, by operating point."""
+"""Steps of the reference of p_e, by operating point."""
 
 BEGIN_S, BACK_S, END_S = 10.0, 210.0, 410.0
 _UNLIMITED = np.full(2, np.inf)
@@ -32,7 +32,7 @@ Step = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Response:
-    """What a run did, tick by tick.
+    """Response of a run, tick by tick.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ def run(
     governed: bool = True,
     sample_time_s: float = 0.1,
 ) -> Response:
-    """K0 alone under steps of its references.
+    """Simulate K0 alone under steps of its references.
 
     Parameters
     ----------
@@ -71,13 +71,13 @@ def run(
         In the order of their times.
     until_s : float
     linear : bool
-        On the linear plant of the operating point instead of the nonlinear one.
+        Simulate the linear plant of the operating point instead of the nonlinear one.
     limits : bool
         False: neither controller nor plant knows limits of the commands.
     anti_windup : bool
-        False: the controller knows no limits, and its commands are cut off behind its back.
+        False: the controller does not know the limits, which are applied to its commands outside it.
     governed : bool
-        False: without the governor.
+        False: without the reference governor.
     sample_time_s : float
     """
     rest, design = operating_point(point), design_controller(point, sample_time_s)
@@ -105,7 +105,7 @@ def run(
 
 
 def _plant(point: str, linear: bool, sample_time_s: float) -> Callable[[Vector], Vector]:
-    """From the commands of a tick to p_e [Pa] and SH [K] at the next one."""
+    """Return a function from the commands of a tick to p_e [Pa] and SH [K] at the next one."""
     rest = operating_point(point)
     if not linear:
         plant, inputs = Plant.at(point), rest.inputs.copy()
@@ -128,14 +128,14 @@ def _plant(point: str, linear: bool, sample_time_s: float) -> Callable[[Vector],
 
 
 def overshoot(pressure: Vector, start: float, target: float) -> float:
-    """How far beyond `target` a step from `start` goes, over its size."""
+    """Return how far a step from `start` goes beyond `target`, over the size of the step."""
     return float(((pressure - target) / (target - start)).max())
 
 
 def there_and_back(
     point: str, step_kpa: float, *, linear: bool = False, limits: bool = True, governed: bool = True
 ) -> tuple[float, float]:
-    """Overshoot of a step of the reference of p_e [kPa] and of the way back, over its size; keywords as of `run`."""
+    """Return the overshoot of a step of p_e's reference [kPa] and of the way back, over its size; see `run`."""
     steps = [(BEGIN_S, step_kpa, 0.0), (BACK_S, 0.0, 0.0)]
     pressure = run(point, steps, END_S, linear=linear, limits=limits, governed=governed).pressure_kpa
     back = round(BACK_S / END_S * len(pressure))
@@ -143,7 +143,7 @@ def there_and_back(
 
 
 def main() -> None:
-    """Print the table: overshoot there / back in %."""
+    """Print the overshoot of each step and of the way back in %."""
     print("| point, step | governor | no governor | neither governor nor limits | linear plant, limits, no governor |")
     print("|---|---|---|---|---|")
     for point, steps in STEPS_KPA.items():
