@@ -22,7 +22,7 @@ from ac_plant_node.properties.tables import VAPOUR_SPAN_J_KG, Tables, load_table
 
 @dataclass(frozen=True)
 class CalibratedPoint:
-    """What the inverse calibration found at one point: state x, volumetric efficiency, valve area."""
+    """Result of the inverse calibration at one point: state x, volumetric efficiency, valve area."""
 
     row: TableRow
     state: NDArray[np.float64]
@@ -31,7 +31,7 @@ class CalibratedPoint:
 
 
 def superheated_enthalpy(tab: Tables, p: float, superheat_k: float) -> float:
-    """Vapour enthalpy (J/kg) at pressure `p` and `superheat_k` above saturation, from the tables."""
+    """Return the enthalpy (J/kg) of vapour at pressure `p`, `superheat_k` above saturation, from the tables."""
     sat = saturation(tab, p)
     low, high = float(sat[2]), float(sat[2]) + VAPOUR_SPAN_J_KG
     while True:  # bisection to the last bit: no solver library to load, and no tolerance to choose
@@ -45,7 +45,7 @@ def superheated_enthalpy(tab: Tables, p: float, superheat_k: float) -> float:
 
 
 def starting_state(tab: Tables, pe: float, h_e2: float, pc: float, air_c: float) -> NDArray[np.float64]:
-    """A plausible state x with five zones, to start a solver from."""
+    """Return a plausible state x with five zones, to start a solver from."""
     te, tc = saturation(tab, pe)[0], saturation(tab, pc)[0]
     h_f = saturation(tab, pc)[1]
     wall_1, wall_2 = te + 3.0, 0.5 * (te + 3.0 + air_c + 273.15)
@@ -53,7 +53,7 @@ def starting_state(tab: Tables, pe: float, h_e2: float, pc: float, air_c: float)
 
 
 def row_inputs(row: TableRow, parameters: Parameters) -> NDArray[np.float64]:
-    """Inputs (4,) of an operating point: speed rad/s, opening 0..1, air kg/s, its inlet temperature degC."""
+    """Return the inputs (4,) of an operating point: speed rad/s, opening 0..1, air kg/s, its inlet temperature degC."""
     air = parameters["evaporator_air_nominal_kg_s"] if row.air_mass_flow_kg_s is None else row.air_mass_flow_kg_s
     return np.array(
         [row.compressor_speed_rpm * RPM, row.valve_opening_percent / 100.0, air, row.air_inlet_temperature_c]
@@ -61,7 +61,7 @@ def row_inputs(row: TableRow, parameters: Parameters) -> NDArray[np.float64]:
 
 
 def solve_point(row: TableRow, parameters: Parameters, tab: Tables) -> CalibratedPoint:
-    """States, volumetric efficiency and valve area that hold one row of Table I at rest.
+    """Solve for state, volumetric efficiency and valve area that hold one row of Table I at rest.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def solve_point(row: TableRow, parameters: Parameters, tab: Tables) -> Calibrate
 def calibrate(
     parameters: Parameters | None = None, tab: Tables | None = None, rows: tuple[TableRow, ...] | None = None
 ) -> tuple[Parameters, list[CalibratedPoint]]:
-    """Solve the maps again from a table of operating points.
+    """Compute the maps of compressor and valve from a table of operating points.
 
     Three points fix the two maps exactly; more are fitted by least squares.
 
@@ -131,12 +131,12 @@ def calibrate(
     Returns
     -------
     tuple
-        The parameters with the solved coefficients and the operating points put in, and what was found at each point.
+        The parameters with the solved coefficients and the operating points, and the result at each point.
 
     Raises
     ------
     ValueError
-        One line: the point that no equilibrium was found for, or the coefficient that came out beyond its range.
+        One line: the point without an equilibrium, or the coefficient outside its range.
     """
     parameters = parameters or load_parameters()
     tab = tab or load_tables(parameters.refrigerant)
@@ -159,7 +159,7 @@ def calibrate(
 
 
 def _fit(matrix: NDArray[np.float64], values: list[float]) -> NDArray[np.float64]:
-    """Exact solution for three points, least squares for more."""
+    """Return the exact solution for three points, that of least squares for more."""
     found: NDArray[np.float64]
     if len(values) == matrix.shape[1]:
         try:

@@ -1,4 +1,4 @@
-"""The same model on CoolProp itself, without tables and without compiled code: slow, and independent of both.
+"""The plant's model with CoolProp in place of tables, not compiled: slow, for the verification of both.
 
 The functions of `ac_plant_node.dynamics.balances` are taken as plain Python and given look-ups that call CoolProp's
 equation of state. What differs from the plant is then exactly the property tables; and the time it takes is what tables
@@ -41,19 +41,19 @@ class CoolPropModel:
         self._guess, self._z, self._ds, self.aux = model.new_workspace()
 
     def rates(self, s: NDArray[np.float64], w: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Rates (12,) of an integration state; the auxiliary results are in `aux` afterwards."""
+        """Return the rates (12,) of an integration state; the auxiliary results are in `aux` afterwards."""
         self._rhs(s, w, self.parameters.array, self.tab, self._guess, self._z, self._ds, self.aux)
         return self._ds.copy()
 
     def conserved(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Integration state (12,) of a public state x with all five zones."""
+        """Return the integration state (12,) of a public state x with all five zones."""
         s = np.zeros(model.N_STATES)
         self._conserved(x, self.parameters.array, self.tab, s)
         return s
 
 
 def coolprop_lookups(refrigerant: str) -> dict[str, Any]:
-    """The functions of `ac_plant_node.properties.lookup` by name, each a handful of CoolProp calls."""
+    """Return the functions of `ac_plant_node.properties.lookup` by name, each a handful of CoolProp calls."""
     fluid = CoolProp.AbstractState("HEOS", refrigerant)
     i_t, i_h, i_d, i_s, i_p = CoolProp.iT, CoolProp.iHmass, CoolProp.iDmass, CoolProp.iSmass, CoolProp.iP
 

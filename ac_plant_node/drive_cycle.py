@@ -122,7 +122,7 @@ def load_drive_cycle(path: str | Path) -> DriveCycle:
 
 
 def _unit(header: str, otherwise: float, where: str) -> float:
-    """Unit of the speed [m/s] that a header names; `otherwise` when it names none."""
+    """Return the unit of the speed [m/s] that a header names; `otherwise` when it names none."""
     found = next((factor for pattern, factor in _UNITS if pattern.search(header.lower())), None)
     if found is None and _SOME_UNIT.search(header.lower()):
         raise ValueError(f"{where} names no unit that is known: {header[:40]!r}; allowed: mph, km/h, m/s")
@@ -130,7 +130,7 @@ def _unit(header: str, otherwise: float, where: str) -> float:
 
 
 def compressor_speed(cycle: DriveCycle, time_s: float, driveline: Driveline | None = None) -> float:
-    """Compressor speed (rad/s) at a time into the cycle; past its end the last speed stays."""
+    """Return the compressor speed (rad/s) at a time into the cycle; past its end the last speed stays."""
     d = driveline or Driveline()
     speed = float(np.interp(time_s, cycle.time_s, cycle.speed_m_s))
     gear = sum(speed > shift for shift in d.shift_speeds_m_s)
@@ -140,7 +140,7 @@ def compressor_speed(cycle: DriveCycle, time_s: float, driveline: Driveline | No
 
 @dataclass(frozen=True)
 class DriveCycleRun:
-    """The plant driven open loop through a cycle, sampled.
+    """Sampled outputs of the plant driven open loop through a cycle.
 
     Attributes
     ----------
@@ -162,7 +162,7 @@ class DriveCycleRun:
 def run_drive_cycle(
     cycle: DriveCycle, point: str = "med", sample_time_s: float = 0.1, driveline: Driveline | None = None
 ) -> DriveCycleRun:
-    """Drive the plant through a cycle: from an operating point, its valve and air held, the compressor on the belt."""
+    """Simulate the plant through a cycle from an operating point, valve and air held, the compressor on the belt."""
     from ac_plant_node.plant import Plant
 
     plant = Plant.at(point)

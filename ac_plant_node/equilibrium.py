@@ -22,7 +22,7 @@ RATE_SCALE = np.array([1.0e-3, 1.0e3, 1.0e4, 1.0, 1.0, 1.0e-3, 1.0e3, 0.1, 1.0e4
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """A point at which the plant rests.
+    """An equilibrium of the plant.
 
     Attributes
     ----------
@@ -51,14 +51,14 @@ class OperatingPoint:
 
     @property
     def cop(self) -> float:
-        """Cooling power over compressor power."""
+        """Return cooling power over compressor power."""
         return self.cooling_power_w / self.compressor_power_w
 
 
 def rates(
     x: NDArray[np.float64], w: NDArray[np.float64], parameters: Parameters, tab: Tables
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Integration state, its rates and the auxiliary results at a public state x with all five zones."""
+    """Return integration state, its rates and the auxiliary results at a public state x with all five zones."""
     guess, z, ds, aux = model.new_workspace()
     s = np.zeros(model.N_STATES)
     model.conserved(x, parameters.array, tab, s)
@@ -73,7 +73,7 @@ def equilibrium(
     start: NDArray[np.float64] | None = None,
     name: str = "",
 ) -> OperatingPoint:
-    """The equilibrium that constant inputs lead to, all five zones present.
+    """Find the equilibrium that constant inputs lead to, all five zones present.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def _starts(w: NDArray[np.float64], tab: Tables) -> list[NDArray[np.float64]]:
 def _settled(
     x: NDArray[np.float64], w: NDArray[np.float64], parameters: Parameters, tab: Tables
 ) -> NDArray[np.float64]:
-    """Where 1500 s of simulation lead from about `x` with the right charge."""
+    """Return the state after 1500 s of simulation from about `x` with the right charge."""
     low, high = 0.02, 0.98 - x[5]
     s = np.zeros(model.N_STATES)
     for _ in range(50):  # less two-phase, more subcooled length: more charge
@@ -136,7 +136,7 @@ def _residual(x: NDArray[np.float64], w: NDArray[np.float64], p: Parameters, tab
 
 
 def _newton(x: NDArray[np.float64], w: NDArray[np.float64], p: Parameters, tab: Tables) -> NDArray[np.float64] | None:
-    """Newton's method on x with steps cut to stay inside the five-zone form; None when it does not converge."""
+    """Solve by Newton's method on x, steps cut to stay inside the five-zone form; None when it does not converge."""
     for iteration in range(80):
         r = _residual(x, w, p, tab)
         if not np.all(np.isfinite(r)):
@@ -183,7 +183,7 @@ def _describe(name: str, x: NDArray[np.float64], w: NDArray[np.float64], p: Para
 
 
 def table_inputs(point: str, parameters: Parameters | None = None) -> NDArray[np.float64]:
-    """Inputs (4,) of one of the parameters' operating points: of a row of Table I for the shipped ones.
+    """Return the inputs (4,) of one of the parameters' operating points: of a row of Table I for the shipped ones.
 
     Raises
     ------
@@ -199,7 +199,7 @@ def table_inputs(point: str, parameters: Parameters | None = None) -> NDArray[np
 
 
 def operating_point(point: str) -> OperatingPoint:
-    """The equilibrium at the inputs of an operating point ("low", "med", "high"), solved once per process and plant.
+    """Return the equilibrium of an operating point ("low", "med", "high"), solved once per process and plant.
 
     Raises
     ------

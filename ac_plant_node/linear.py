@@ -22,7 +22,7 @@ _REL_STEP = 3.0e-6
 
 
 def descriptor(point: OperatingPoint) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Jacobians of the twelve-state model in the paper's state x at an equilibrium.
+    """Return the Jacobians of the twelve-state model in the paper's state x at an equilibrium.
 
     With the integration state ``s = s(x)`` and its rates ``f(x, w)`` the model is ``K dx/dt = f``, ``K = ds/dx``, hence
     ``A = K^-1 df/dx`` and ``B = K^-1 df/dw``.
@@ -56,7 +56,7 @@ def descriptor(point: OperatingPoint) -> tuple[NDArray[np.float64], NDArray[np.f
 
 
 def output_jacobian(point: OperatingPoint) -> NDArray[np.float64]:
-    """Jacobian (3, 12) of p_e, SH and T_w = T_e2w with respect to x."""
+    """Return the Jacobian (3, 12) of p_e, SH and T_w = T_e2w with respect to x."""
     parameters = load_parameters()
     tab = load_tables(parameters.refrigerant)
     c = np.zeros((3, 12))
@@ -72,7 +72,7 @@ def output_jacobian(point: OperatingPoint) -> NDArray[np.float64]:
 
 
 def linearize(point: str | OperatingPoint) -> control.StateSpace:
-    """State-space model of the plant around an operating point, in deviations from it.
+    """Return the state-space model of the plant around an operating point, in deviations from it.
 
     The twelve-state Jacobian has one zero eigenvalue, the conserved charge, which no input reaches. Its left vector
     ``m = dM/dx`` is projected out: with ``x = T q``, the columns of T a basis of the plane ``m x = 0`` in scaled

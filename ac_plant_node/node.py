@@ -1,10 +1,10 @@
-"""Node `ac_plant`: the nonlinear plant, which also beats time for the loop.
+"""Node `ac_plant`: the nonlinear plant, which also provides the clock of the loop.
 
-lockstep: tick k+1 begins when the command and the air side of tick k have arrived; stamps count from 0, and `/clock`
-tells them. realtime: tick k+1 begins when the wall clock says so, and stamps are the wall clock's; a command that is
-late by then is counted as a missed tick, and the one before it stays on (zero-order hold), for `command_hold_s` at
-most: then the actuators go to the operating point's command by themselves. A plant that was stopped catches up in
-silence.
+lockstep: tick k+1 begins when the command and the air side of tick k have arrived; stamps count from 0 and are
+published on `/clock`. realtime: tick k+1 begins by the wall clock, whose time the stamps carry. A command that has not
+come by then counts as a missed tick, and the previous one is held (zero-order hold) for at most `command_hold_s`; then
+the actuators go to the operating point's command. A plant that was stopped steps over the missed ticks without
+publishing them.
 """
 
 import json
@@ -49,7 +49,7 @@ class Model(Protocol):
     """What the node advances: `ac_plant_node.Plant`, or a model of your own."""
 
     def step(self, inputs: NDArray[np.float64], duration_s: float) -> NDArray[np.float64]:
-        """Outputs after `duration_s` with `inputs` held.
+        """Return the outputs after `duration_s` with `inputs` held.
 
         Parameters
         ----------
@@ -65,7 +65,7 @@ class Model(Protocol):
 
 
 class PlantNode(NodeShell):
-    """Shell around `Plant`."""
+    """ROS node of the plant, or of another `Model`."""
 
     def __init__(self) -> None:
         super().__init__(PLANT, PARAMETERS)
@@ -82,7 +82,7 @@ class PlantNode(NodeShell):
         self._first_ns = 0
 
     def make_model(self) -> tuple[Model, NDArray[np.float64], NDArray[np.float64]]:
-        """Plant at rest at its operating point, and the inputs and outputs there; override it for another model."""
+        """Return the plant at rest, with its inputs and outputs there; override it for another model."""
         from ac_plant_node import OperatingPoint, Plant
 
         point = self.value("operating_point")
@@ -138,7 +138,7 @@ class PlantNode(NodeShell):
             self._publish()
 
     def stopped(self) -> None:
-        """Let the clock run on without us."""
+        """Stop the deadlines of the wall clock."""
         self.deadline_s = float("inf")
 
     def _publish(self) -> None:
@@ -154,7 +154,7 @@ class PlantNode(NodeShell):
         self.send(time_ns, "plant/condenser_pressure", p_c)
 
     def _commanded(self, time_ns: int, *values: float) -> None:
-        """Hold the inputs of a tick from now on; in lockstep the tick is over with that."""
+        """Hold the inputs of a tick from now on; in lockstep that ends the tick."""
         tick, rest = divmod(time_ns - self._first_ns, self._tick_ns)
         if rest or tick not in self._published_s or self._finished:
             return
@@ -175,7 +175,7 @@ class PlantNode(NodeShell):
         self._held[2:] = values
 
     def on_deadline(self) -> None:
-        """Begin the next tick of the wall clock with whatever command is there."""
+        """Begin the next tick of the wall clock with the newest command."""
         late_s = time.monotonic() - self.deadline_s
         self._late_wakeups += late_s > LATE_SHARE * self._sample_time_s
         late = int(late_s / self._sample_time_s)
@@ -191,7 +191,7 @@ class PlantNode(NodeShell):
         self._advance()
 
     def _close_tick(self) -> None:
-        """Count a tick whose command has not come, and do without."""
+        """Count a tick whose command has not come."""
         self._published_s.pop(self._tick - MOST_LATE_TICKS, None)
         if self._commanded_tick >= self._tick:
             return
@@ -225,7 +225,7 @@ class PlantNode(NodeShell):
             raise ValueError(msg) from problem
 
     def health_values(self) -> dict[str, str]:
-        """Where the run is, and how long commands took."""
+        """Return the progress of the run, missed ticks and the latencies of commands."""
         return {
             "tick": str(self._tick),
             "finished": "true" if self._finished else "false",
@@ -243,7 +243,7 @@ class PlantNode(NodeShell):
         }
 
     def _truth(self) -> dict[str, str]:
-        """Give what no topic tells, for evaluation only: the paper's state and the cooling power."""
+        """Return what is on no topic, for evaluation only: the paper's state and the cooling power."""
         if self._plant is None:
             return {}
         from ac_plant_node import Plant

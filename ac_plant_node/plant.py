@@ -1,4 +1,4 @@
-"""The plant as an object: rests at a point, runs on with inputs held, tells its outputs and its balances."""
+"""The plant as an object: starts at an operating point, steps with inputs held, has outputs and balances."""
 
 from copy import copy
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ _LEFT = "the plant left its model's domain: pressure outside the property tables
 
 @dataclass(frozen=True)
 class Outputs:
-    """What can be read from the plant, SI but for the wall temperature in degC."""
+    """Outputs of the plant, SI but for the wall temperature in degC."""
 
     evaporator_pressure_pa: float
     superheat_k: float
@@ -66,7 +66,7 @@ class Plant:
 
     @classmethod
     def at(cls, point: str | OperatingPoint, tolerance: float = integrator.DEFAULT_TOLERANCE) -> "Plant":
-        """A plant resting at an operating point ("low", "med", "high", or any `OperatingPoint`).
+        """Return a plant at rest at an operating point ("low", "med", "high", or any `OperatingPoint`).
 
         Raises
         ------
@@ -77,7 +77,7 @@ class Plant:
         return cls(at.conserved, at.inputs, tolerance=tolerance)
 
     def copy(self) -> "Plant":
-        """A second plant in the very same state, which runs on by itself."""
+        """Return a second plant in the same state, independent of this one."""
         other = copy(self)
         other._array = self._array.copy()
         other._work = integrator.views(other._array)
@@ -85,7 +85,7 @@ class Plant:
         return other
 
     def step(self, inputs: NDArray[np.float64], duration_s: float) -> NDArray[np.float64]:
-        """Run on with `inputs` held.
+        """Step with `inputs` held.
 
         Parameters
         ----------
@@ -130,7 +130,7 @@ class Plant:
         air_mass_flow_kg_s: float | None = None,
         air_inlet_temperature_c: float | None = None,
     ) -> Outputs:
-        """Run on with inputs held; those left out keep their values. Raises as `step`."""
+        """Step with inputs held; those left out keep their values. Raises as `step`."""
         w = self._work.held.copy()
         if compressor_speed_rpm is not None:
             w[0] = compressor_speed_rpm * RPM
@@ -145,7 +145,7 @@ class Plant:
 
     @property
     def outputs(self) -> Outputs:
-        """The outputs now."""
+        """Return the present outputs."""
         a = self._aux
         return Outputs(
             float(a[model.P_E]), float(a[model.SUPERHEAT]), float(a[model.WALL_E2]) - 273.15, float(a[model.P_C]),
@@ -154,41 +154,41 @@ class Plant:
 
     @property
     def inputs(self) -> NDArray[np.float64]:
-        """The inputs held now (4,), as clipped to the permitted box."""
+        """Return the inputs held at present (4,), as clipped to the permitted box."""
         return self._work.held.copy()
 
     @property
     def state(self) -> NDArray[np.float64]:
-        """The paper's state x (12,), see `OperatingPoint.state`."""
+        """Return the paper's state x (12,), see `OperatingPoint.state`."""
         return self._aux[:12].copy()
 
     @property
     def steps_tried(self) -> float:
-        """Integration steps since the plant was made, refused ones included: the measure of the work done."""
+        """Return the number of integration steps since the plant was made, refused ones included: a measure of work."""
         return float(self._work.memory[integrator.N_STEPS] + self._work.memory[integrator.N_REJECTED])
 
     @property
     def refrigerant_mass_kg(self) -> float:
-        """Refrigerant in both heat exchangers, summed over the zones from their densities."""
+        """Return the refrigerant in both heat exchangers, summed over the zones from their densities."""
         return float(self._aux[model.MASS])
 
     @property
     def stored_energy_j(self) -> float:
-        """Internal energy of the refrigerant, summed over the zones, and of the walls."""
+        """Return the internal energy of the refrigerant, summed over the zones, and of the walls."""
         p, y = self._parameters, self._work.y
         return float(self._aux[model.ENERGY] + p["evaporator_wall_j_k"] * y[3] + p["condenser_wall_j_k"] * y[9])
 
     @property
     def heat_in_w(self) -> float:
-        """Net power into refrigerant and walls now: from both air streams, and the compressor's work."""
+        """Return the net power into refrigerant and walls: from both air streams, and the compressor's work."""
         return float(self._aux[model.HEAT_IN])
 
     @property
     def heat_in_j(self) -> float:
-        """Integral of `heat_in_w` since the plant was made, by the integrator's own quadrature."""
+        """Return the integral of `heat_in_w` since the plant was made, by the integrator's own quadrature."""
         return float(self._work.y[5])
 
     @property
     def heat_moved_j(self) -> float:
-        """Integral of the magnitudes of the three powers in `heat_in_w`, whole steps of the integrator: a scale."""
+        """Return the integral of the magnitudes of the three powers in `heat_in_w`, over whole steps: a scale."""
         return float(self._work.memory[integrator.MOVED])

@@ -1,4 +1,4 @@
-"""The plant at rest, from the cache: finding an equilibrium takes a solver that a running node can do without."""
+"""The plant at rest, from the cache, so that a node needs no solver for equilibria."""
 
 import contextlib
 
@@ -29,7 +29,7 @@ def rest_at(point: str) -> Arrays:
 
 
 def prepare(point: str) -> None:
-    """See that equilibrium and compiled code are in the cache: what nodes load in no time takes a minute to make.
+    """Put equilibrium and compiled code into the cache, which takes up to a minute; nodes then load them at once.
 
     Raises
     ------

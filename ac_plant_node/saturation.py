@@ -14,7 +14,7 @@ def _tables(_plant: str | None) -> Tables:
 
 
 def _cubic(pressure_pa: float) -> tuple[list[float], float]:
-    """Coefficients of T over `ln p` in the cell of `pressure_pa`, and where in the cell it is."""
+    """Return the coefficients of T over `ln p` in the cell of `pressure_pa`, and the position in that cell."""
     tables = _tables(os.environ.get(PLANT_VARIABLE))
     cells = (math.log(pressure_pa) - tables.grid[0]) * tables.grid[1]
     cell = min(max(int(cells), 0), len(tables.sat) - 1)
@@ -22,12 +22,12 @@ def _cubic(pressure_pa: float) -> tuple[list[float], float]:
 
 
 def saturation_temperature(pressure_pa: float) -> float:
-    """Saturation temperature [K] at `pressure_pa` [Pa], which must be positive."""
+    """Return the saturation temperature [K] at `pressure_pa` [Pa], which must be positive."""
     (a, b, c, d), t = _cubic(pressure_pa)
     return float(a + t * (b + t * (c + t * d)))
 
 
 def saturation_slope(pressure_pa: float) -> float:
-    """Slope `dT_sat/dp` [K/Pa] there."""
+    """Return the slope `dT_sat/dp` [K/Pa] at `pressure_pa` [Pa], which must be positive."""
     (_, b, c, d), t = _cubic(pressure_pa)
     return float((b + t * (2.0 * c + t * 3.0 * d)) / pressure_pa)

@@ -1,4 +1,4 @@
-"""Reading and writing of parameter files; what users write is checked by `parameter_schema`."""
+"""Reading and writing of parameter files; `ac_plant_node.parameters.schema` checks those of users."""
 
 import json
 import os
@@ -64,13 +64,13 @@ def load_points(path: str | Path) -> tuple[TableRow, ...]:
 
 
 def parameter_text(parameters: Parameters, remarks: Mapping[str, str] | None = None) -> str:
-    """A parameter file that `load_parameters` reads back to the last bit, with units, ranges and reasons.
+    """Return the text of a parameter file that `load_parameters` reads back to the last bit, with ranges and reasons.
 
     Parameters
     ----------
     parameters : Parameters
     remarks : mapping, optional
-        Reasons to write in place of the shipped ones, for instance where a value was found.
+        Reasons to write in place of the shipped ones.
     """
     known = shipped()
     lines = [f"refrigerant: {parameters.refrigerant}"]

@@ -1,4 +1,4 @@
-"""Parameter files and tables of operating points that users write: their schema, and one line for what is wrong."""
+"""Schema of the parameter files and tables of operating points that users write, with one-line errors."""
 
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -24,7 +24,7 @@ from ac_plant_node.properties.tables import REFRIGERANTS
 
 
 def checked_plant(path: Path) -> tuple[str, dict[str, float], tuple[TableRow, ...]]:
-    """Refrigerant, values of all parameters and operating points of a parameter file.
+    """Return refrigerant, values of all parameters and operating points of a parameter file.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def checked_plant(path: Path) -> tuple[str, dict[str, float], tuple[TableRow, ..
 
 
 def checked_points(path: Path) -> tuple[TableRow, ...]:
-    """Operating points of a table's file; raises as `checked_plant`."""
+    """Return the operating points of a table's file; raises as `checked_plant`."""
     return _table(_validated(path, _TableFile).points)
 
 
@@ -54,7 +54,7 @@ def _word(name: str) -> str:
 
 
 def _point(key: str) -> Any:
-    """Schema of one entry of an operating point."""
+    """Return the schema of one entry of an operating point."""
     low, high = POINT_RANGES[key]
     return Field(ge=low, le=high, strict=True)
 
@@ -108,7 +108,7 @@ class _TableFile(BaseModel):
 
 
 class _PlantFile(BaseModel):
-    """What a parameter file holds beside the numbers of `NAMES`."""
+    """Entries of a parameter file beside the numbers of `NAMES`."""
 
     model_config = ConfigDict(extra="forbid")
     refrigerant: Annotated[str, AfterValidator(_known_refrigerant)] = "R134a"
@@ -116,7 +116,7 @@ class _PlantFile(BaseModel):
 
 
 def _plain(known: Mapping[str, Any]) -> BeforeValidator:
-    """Takes the number out of the long form ``{value: .., unit: .., ...}``."""
+    """Return a validator that takes the number out of the long form ``{value: .., unit: .., ...}``."""
 
     def number(entry: Any) -> Any:
         if not isinstance(entry, dict):
@@ -134,7 +134,7 @@ def _plain(known: Mapping[str, Any]) -> BeforeValidator:
 
 @cache
 def _plant_schema() -> type[_PlantFile]:
-    """A parameter file: every entry may be left out, its range and its default are those of the shipped file."""
+    """Return the schema of a parameter file: all entries optional, ranges and defaults those of the shipped file."""
     known = shipped()
     fields: dict[str, Any] = {
         name: (
@@ -155,7 +155,7 @@ def _validated[M: BaseModel](path: Path, schema: type[M]) -> M:
 
 
 def _line(problem: Any, top: tuple[str, ...]) -> str:
-    """One of pydantic's problems in the words of this project: where, what was given, what is allowed."""
+    """Return one of pydantic's errors in the words of this project: where, what was given, what is allowed."""
     *above, key = [str(part) for part in problem["loc"]]
     kind, given = problem["type"], problem["input"]
     inside = f"{'.'.join(above)}: " if above else ""

@@ -1,4 +1,4 @@
-"""Parameters of the plant, flat for the compiled code. Their files: `parameter_file`."""
+"""Parameters of the plant, flat for the compiled code. Their files: `ac_plant_node.parameters.file`."""
 
 import hashlib
 from dataclasses import dataclass, field
@@ -58,12 +58,12 @@ POINT_RANGES = {
     "superheat_k": (1.0, 60.0),
     "air_mass_flow_kg_s": (0.02, 0.3),
 }
-"""What a row of a table of operating points holds beside its name, and the range of each."""
+"""Entries of a row of a table of operating points beside its name, with the range of each."""
 
 
 @dataclass(frozen=True)
 class TableRow:
-    """One operating point as it was measured: air inlet, inputs, and the rest they lead to.
+    """One measured operating point: air inlet, inputs, and the equilibrium that they lead to.
 
     The air flow is the nominal one of the parameters where `air_mass_flow_kg_s` is None.
     """
@@ -88,7 +88,7 @@ POINTS = tuple(row.name for row in TABLE_I)
 """Names of the operating points that the loop knows."""
 
 LARGEST_TABLE = 100
-"""Most rows of such a table."""
+"""Largest number of rows of a table of operating points."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class Parameters:
         return float(self.array[INDEX[name]])
 
     def replace(self, refrigerant: str | None = None, **values: float) -> "Parameters":
-        """A copy with some values changed."""
+        """Return a copy with some values changed."""
         array = self.array.copy()
         for name, value in values.items():
             if name not in INDEX:
@@ -127,25 +127,25 @@ class Parameters:
 
     @property
     def identity(self) -> str:
-        """Hash of refrigerant, values and operating points (16 hex digits)."""
+        """Return a hash of refrigerant, values and operating points (16 hex digits)."""
         return digest(self.refrigerant.encode(), self.array.tobytes(), repr(self.points).encode())[:16]
 
 
 def parameter_range(name: str) -> tuple[float, float]:
-    """Lowest and highest value of a parameter."""
+    """Return lowest and highest value of a parameter."""
     entry = shipped()[name]
     return float(entry["low"]), float(entry["high"])
 
 
 @cache
 def shipped() -> dict[str, Any]:
-    """The shipped file: of every parameter the value, unit, range and reason."""
+    """Return the content of the shipped file: value, unit, range and reason of every parameter."""
     text = Path(__file__).with_name("parameters.yaml").read_text(encoding="utf-8")
     return dict(parsed(text, "parameters.yaml: not valid YAML"))
 
 
 def digest(*parts: bytes) -> str:
-    """Hex digest of some bytes, for cache keys."""
+    """Return a hex digest of some bytes, for cache keys."""
     total = hashlib.sha256()
     for part in parts:
         total.update(len(part).to_bytes(8, "little"))

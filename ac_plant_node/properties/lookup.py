@@ -34,7 +34,7 @@ class Saturation(NamedTuple):
 
 @jit
 def saturation(tab: Tables, p: float) -> Saturation:
-    """Saturation line at pressure `p`, as `Saturation`."""
+    """Return the saturation line at pressure `p`, as `Saturation`."""
     sat = tab.sat
     lnp = math.log(p)
     x = (lnp - tab.grid[0]) * tab.grid[1]
@@ -61,7 +61,7 @@ def saturation(tab: Tables, p: float) -> Saturation:
 
 @jit
 def _bicubic(c: Array, t: float, u: float) -> tuple[float, float, float]:
-    """Value and the two slopes of one patch at cell coordinates t, u."""
+    """Return value and both slopes of one patch at cell coordinates t, u."""
     a0 = c[0] + u * (c[1] + u * (c[2] + u * c[3]))
     a1 = c[4] + u * (c[5] + u * (c[6] + u * c[7]))
     a2 = c[8] + u * (c[9] + u * (c[10] + u * c[11]))
@@ -78,7 +78,7 @@ def _bicubic(c: Array, t: float, u: float) -> tuple[float, float, float]:
 
 @jit
 def _patch_value(table: Array, q: int, x: float, y: Array) -> tuple[float, float, float]:
-    """Value and slopes in cell units; past the last row or column of cells the surface goes on as its tangent."""
+    """Return value and slopes in cell units; beyond the last row or column of cells along the tangent."""
     nx, ny = table.shape[0], table.shape[1]
     i = min(max(int(x), 0), nx - 1)
     j = min(max(int(y), 0), ny - 1)
@@ -91,7 +91,7 @@ def _patch_value(table: Array, q: int, x: float, y: Array) -> tuple[float, float
 
 @jit
 def vapour(tab: Tables, p: float, lnp: float, h: float, h_g: float, h_g_p: float) -> tuple[float, float, float, float]:
-    """Superheated vapour at (p, h): rho, d(rho)/dp at h, d(rho)/dh at p, T."""
+    """Return rho, d(rho)/dp at h, d(rho)/dh at p and T of superheated vapour at (p, h)."""
     x = (lnp - tab.grid[0]) * tab.grid[2]
     y = (h - h_g) * tab.grid[3]
     z, z_x, z_y = _patch_value(tab.vapour, 0, x, y)
@@ -104,7 +104,7 @@ def vapour(tab: Tables, p: float, lnp: float, h: float, h_g: float, h_g_p: float
 
 @jit
 def vapour_entropy(tab: Tables, p: float, lnp: float, h: float, h_g: float, h_g_p: float) -> tuple[float, float, float]:
-    """Superheated vapour at (p, h): s, ds/dp at h, ds/dh at p."""
+    """Return s, ds/dp at h and ds/dh at p of superheated vapour at (p, h)."""
     s, s_x, s_y = _patch_value(tab.vapour, 2, (lnp - tab.grid[0]) * tab.grid[2], (h - h_g) * tab.grid[3])
     s_h = s_y * tab.grid[3]
     return s, s_x * tab.grid[2] / p - s_h * h_g_p, s_h
@@ -114,7 +114,7 @@ def vapour_entropy(tab: Tables, p: float, lnp: float, h: float, h_g: float, h_g_
 def isentrope(
     tab: Tables, p: float, lnp: float, s: float, h_g: float, h_g_p: float, s_g: float, s_g_p: float, t_sat: float
 ) -> tuple[float, float, float]:
-    """Enthalpy at (p, s): h, dh/dp at s, dh/ds at p; below saturated vapour along the two-phase isobar dh = T ds."""
+    """Return h, dh/dp at s and dh/ds at p of vapour at (p, s), below saturation on the two-phase isobar dh = T ds."""
     if s < s_g:
         return h_g + t_sat * (s - s_g), h_g_p - t_sat * s_g_p, t_sat
     d, d_x, d_y = _patch_value(tab.isentrope, 0, (lnp - tab.grid[0]) * tab.grid[2], (s - s_g) * tab.grid[4])
@@ -124,7 +124,7 @@ def isentrope(
 
 @jit
 def liquid(tab: Tables, p: float, lnp: float, h: float, h_f: float, h_f_p: float) -> tuple[float, float, float, float]:
-    """Subcooled liquid at (p, h): rho, d(rho)/dp at h, d(rho)/dh at p, T."""
+    """Return rho, d(rho)/dp at h, d(rho)/dh at p and T of subcooled liquid at (p, h)."""
     span = h_f - tab.grid[6]
     y = (h_f - h) / span
     x = (lnp - tab.grid[0]) * tab.grid[2]

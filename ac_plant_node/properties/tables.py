@@ -181,7 +181,7 @@ def _at_enthalpy(fluid: Any, p: float, h: float, *, gas: bool, edge: bool) -> No
 def _patches(
     sample: Callable[[int, int], tuple[float, ...]], x: NDArray[np.float64], y: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Bicubic coefficients, lowest power first, in cell coordinates 0..1: c[i, j, quantity, 4*k + l] t^k u^l."""
+    """Return bicubic coefficients, lowest power first, in cell coordinates 0..1: c[i, j, quantity, 4*k + l] t^k u^l."""
     from scipy.interpolate import RectBivariateSpline
 
     values = np.array([[sample(i, j) for j in range(len(y))] for i in range(len(x))])
