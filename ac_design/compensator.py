@@ -105,7 +105,7 @@ def actual_outputs(loop: control.StateSpace, readings: Matrix) -> Abcd:
 
 def _with_noise(system: Abcd, weights: MatchingWeights) -> Abcd:
     """Replace the inputs [d, f, q] by [d, n, f, q], d and f scaled; n, noise and model uncertainty, has no effect."""
-    nf, p = system.D.shape[1] - 3, len(weights.noise.level) + len(weights.doubt)
+    nf, p = system.D.shape[1] - 3, len(weights.noise.level) + len(weights.model_uncertainty)
     route = np.zeros((3 + nf, 3 + nf + p))
     route[0, 0] = weights.disturbance
     route[1 : 1 + nf, 1 + p : 1 + p + nf] = weights.fault * np.eye(nf)
@@ -123,10 +123,10 @@ def innovations(system: FaultySystem, L: Matrix, weights: MatchingWeights) -> Ab
     disturbances, faults = innovation_factors(system, L, weights.noise)
     commands = np.zeros((disturbances.nstates, 2))
     commands[: len(system.A)] = system.B
-    doubted = state_space((disturbances.A, commands, disturbances.C, np.zeros((len(system.C), 2))))
-    noise = (*(1.0 for _ in weights.noise.level), *weights.doubt)
+    uncertain = state_space((disturbances.A, commands, disturbances.C, np.zeros((len(system.C), 2))))
+    noise = (*(1.0 for _ in weights.noise.level), *weights.model_uncertainty)
     sizes = [weights.disturbance, *noise, *(weights.fault for _ in range(faults.ninputs))]
-    return scale(stack_inputs(stack_inputs(disturbances, doubted), faults), left=-np.eye(len(system.C)), right=sizes)
+    return scale(stack_inputs(stack_inputs(disturbances, uncertain), faults), left=-np.eye(len(system.C)), right=sizes)
 
 
 def matching_problem(objective: Abcd, innovation: Abcd) -> Abcd:

@@ -149,7 +149,7 @@ class IsolationRow:
     innovation: control.StateSpace
     target: control.StateSpace
     weight: Abcd
-    dearness: Matrix
+    cross_talk_weight: Matrix
     matching: Matching
 
     @property
@@ -161,7 +161,7 @@ class IsolationRow:
         """Return the norm of this problem with the row h, or without W and S."""
         error = add(self.target, scale(series(h, self.innovation), left=-np.eye(1)))
         if plain:
-            return float(hinf_norm(scale(error, right=1.0 / self.dearness))[0])
+            return float(hinf_norm(scale(error, right=1.0 / self.cross_talk_weight))[0])
         return float(hinf_norm(series(self.weight, error))[0])
 
     def report(self, h: control.StateSpace, order: int, weights: FdiWeights, seconds: float) -> BlockReport:
@@ -203,13 +203,13 @@ def isolation_rows(
     W, T = error_weight(weights, 1), target(weights, 2)
     rows = []
     for i, block in enumerate(("H_N", "H_p")):
-        dear = np.ones(2)
-        dear[1 - i] = weights.cross_talk[i]
-        scaled = state_space(scale(faults, right=dear))
-        wanted = state_space(scale(T[i, :], right=dear))
+        cross_talk_weight = np.ones(2)
+        cross_talk_weight[1 - i] = weights.cross_talk[i]
+        scaled = state_space(scale(faults, right=cross_talk_weight))
+        wanted = state_space(scale(T[i, :], right=cross_talk_weight))
         matching = isolation_synthesis(disturbances, scaled, state_space(series(W, wanted)), eps)
         quiet = np.zeros((1, disturbances.ninputs))
-        everything = np.concatenate([np.ones(disturbances.ninputs), dear])
+        everything = np.concatenate([np.ones(disturbances.ninputs), cross_talk_weight])
         innovation = state_space(stack_inputs(disturbances, scaled))
         rows.append(IsolationRow(block, innovation, state_space(stack_inputs(quiet, wanted)), W, everything, matching))
     return rows

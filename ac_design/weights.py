@@ -162,7 +162,7 @@ class MatchingWeights:
         Regularisation rho on the parts of q for N and alpha.
     noise : MeasurementNoise
         Regularisation eps on the measurements.
-    doubt : tuple of float
+    model_uncertainty : tuple of float
         Model uncertainty: how far the plant's response to N and alpha may differ from the model's, as noise on the
         commands that enters f_e only.
     reduction : float
@@ -176,7 +176,7 @@ class MatchingWeights:
     integrator_rad_s: float = 1e-3
     penalty: tuple[float, float] = (0.5, 0.5)
     noise: MeasurementNoise = COMPENSATOR_NOISE
-    doubt: tuple[float, float] = (0.0, 0.0)
+    model_uncertainty: tuple[float, float] = (0.0, 0.0)
     reduction: float = 1e-3
 
 
@@ -203,7 +203,7 @@ class CompensatorWeights:
         corner_rad_s=0.3,
         penalty=(0.2, 1.0),
         noise=MeasurementNoise((0.032, 0.032, 0.016)),
-        doubt=(0.01, 0.07),
+        model_uncertainty=(0.01, 0.07),
         reduction=2e-5,
     )
     actuator: MatchingWeights = MatchingWeights(penalty=(0.2, 0.2), reduction=4e-6)
