@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ac_common.errors import shortened
+from ac_common.errors import UserError, shortened
 from ac_common.topics import COMPENSATOR, CONTROLLER, FDI
 
 #: The nodes that have a design.
@@ -42,7 +42,7 @@ def from_file(kind: Any, file: str, sample_time_s: float) -> Any:
 
     Raises
     ------
-    ValueError
+    UserError
         When there is no such file, it holds no such design, matrices that do not fit or are not finite, or a design for
         another sample time.
     """
@@ -58,10 +58,10 @@ def from_file(kind: Any, file: str, sample_time_s: float) -> Any:
     except _BAD_FILE as problem:
         why = problem.strerror if isinstance(problem, OSError) and problem.strerror else problem
         msg = f"design_file {shortened(file, 200)}: holds no {kind.__name__}: {shortened(why, 200)}"
-        raise ValueError(msg) from None
+        raise UserError(msg) from None
     if abs(design.sample_time_s - sample_time_s) > 1e-12:
         msg = f"design_file {file}: made for a sample time of {design.sample_time_s:g} s, not {sample_time_s:g} s"
-        raise ValueError(msg)
+        raise UserError(msg)
     return design
 
 

@@ -1,66 +1,110 @@
-"""YAML files that users write, read in one way: numbers as YAML 1.2 has them, no key twice, an end to every file."""
+"""YAML, read and written in one way: numbers as YAML 1.2 has them, no key twice, an end to every file that is read."""
 
+import io
 import re
-from collections.abc import Hashable
 from pathlib import Path
 from typing import Any
 
-import yaml
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+from ruamel.yaml.representer import SafeRepresenter
 
-from ac_common.errors import BringupError, shortened
+from ac_common.errors import UserError, shortened
 
 #: Longest file, in characters: thousands of changes of a scenario, and an end to /dev/zero.
 LARGEST_FILE = 250_000
 
+#: What the parser lets through besides its own errors: a date that is none, a number too long, nesting without end.
+_PROBLEMS = (YAMLError, ValueError, TypeError, LookupError, AttributeError, RecursionError, AssertionError)
 
-class Loader(yaml.SafeLoader):
-    """PyYAML's safe loader, which also reads 1e3 as a number and refuses a key given twice."""
+#: The parser's words for it.
+_TWICE = re.compile(r'found duplicate key "?(.*?)"? with value .*', re.DOTALL)
 
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        """Construct a mapping, refusing duplicate keys (YAML 1.2 forbids them; PyYAML keeps the last silently)."""
-        seen = set()
-        for key_node, _ in node.value:
-            key = key_node.value if isinstance(key_node, yaml.ScalarNode) else None
-            if key in seen and key is not None:
-                raise yaml.constructor.ConstructorError(None, None, f"key {key!r} is given twice", key_node.start_mark)
-            seen.add(key)
-        return super().construct_mapping(node, deep=deep)
-
-
-# YAML 1.2's float; PyYAML (YAML 1.1) takes 1e3 for text.
-Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    re.compile(r"^[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$"),
-    list("-+0123456789."),
-)
-
-
-#: What PyYAML lets through besides its own errors: a date that is none, a number too long, nesting without end.
-_PROBLEMS = (yaml.YAMLError, ValueError, TypeError, LookupError, AttributeError, RecursionError)
+#: Text that every reader takes for text without quotation marks, those of YAML 1.1 (the middleware's) included.
+_PLAIN = re.compile(r"(?!(?:y|n|yes|no|on|off|true|false|null)$)[a-z/_][a-z0-9/ ._+-]*", re.IGNORECASE)
 
 
 def parsed(text: str, what: str) -> Any:
-    """Content of a YAML text; `what` begins the complaint about a bad one."""
+    """Return the content of a YAML text.
+
+    Parameters
+    ----------
+    text
+        One document.
+    what
+        Beginning of the complaint about a bad one.
+
+    Raises
+    ------
+    UserError
+        In one line: what is wrong, and in which line and column.
+    """
     try:
-        return yaml.load(text, Loader=Loader)
+        return YAML(typ="safe", pure=True).load(text)
     except _PROBLEMS as problem:
-        why = "nested too deeply" if isinstance(problem, RecursionError) else shortened(problem, 200)
-        msg = f"{what}: {why}"
-        raise BringupError(msg) from None
+        why = "nested too deeply" if isinstance(problem, RecursionError) else _why(problem)
+        raise UserError(f"{what}: {why}") from None
+
+
+def _why(problem: Exception) -> str:
+    """Return what is wrong with a text, and where, without the parser's advice to programmers."""
+    said, mark = getattr(problem, "problem", None), getattr(problem, "problem_mark", None)
+    if not said:
+        return shortened(problem, 200)
+    said = _TWICE.sub(r"key '\1' is given twice", str(said))
+    place = f" in line {mark.line + 1}, column {mark.column + 1}" if mark is not None else ""
+    return f"{shortened(said, 160)}{place}"
 
 
 def text_of(path: Path) -> str:
-    """Text of a file; raises `BringupError` with the reason, in one line, where there is none."""
+    """Return the text of a file.
+
+    Raises
+    ------
+    UserError
+        In one line: why there is none.
+    """
     try:
         with path.open(encoding="utf-8") as file:
             text = file.read(LARGEST_FILE + 1)
     except OSError as problem:
-        msg = f"{path}: cannot be read: {problem.strerror}"
-        raise BringupError(msg) from None
+        raise UserError(f"{path}: cannot be read: {problem.strerror}") from None
     except UnicodeDecodeError:
-        msg = f"{path}: not a text file in UTF-8"
-        raise BringupError(msg) from None
+        raise UserError(f"{path}: not a text file in UTF-8") from None
     if len(text) > LARGEST_FILE:
-        msg = f"{path}: too long; allowed: {LARGEST_FILE} characters"
-        raise BringupError(msg)
+        raise UserError(f"{path}: too long; allowed: {LARGEST_FILE} characters")
     return text
+
+
+def yaml_text(content: Any, width: int = 80, flow: bool = False) -> str:
+    """Return plain data as YAML in lines of about `width` characters, as a block or in brackets (`flow`).
+
+    What stands twice in it is written twice.
+    """
+    yaml = YAML(typ="safe", pure=True)
+    yaml.Representer = _Representer
+    yaml.default_flow_style = flow
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    yaml.width = width
+    stream = io.StringIO()
+    yaml.dump(content, stream)
+    return stream.getvalue()
+
+
+class _Representer(SafeRepresenter):
+    """Quotes text that another reader might take for something else; never refers to what has been written before."""
+
+    def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002
+        return True
+
+    def represent_str(self, data: str) -> Any:
+        return self.represent_scalar("tag:yaml.org,2002:str", data, style=None if _PLAIN.fullmatch(data) else "'")
+
+    def represent_float(self, data: float) -> Any:
+        text = super().represent_float(data)
+        text.value = re.sub(r"^(-?\d+)e", r"\1.0e", text.value)  # in YAML 1.1 a number has a point
+        return text
+
+
+_Representer.add_representer(str, _Representer.represent_str)
+_Representer.add_representer(float, _Representer.represent_float)

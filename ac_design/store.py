@@ -10,6 +10,7 @@ from typing import Any
 
 from ac_common.cache import Arrays, cached, source_fingerprint
 from ac_common.design_file import DESIGNED, design_name, to_bytes
+from ac_common.errors import UserError
 from ac_common.files import write_whole
 from ac_common.sample_time import DEFAULT_SAMPLE_TIME_S, LONGEST_SAMPLE_TIME_S, SHORTEST_SAMPLE_TIME_S
 from ac_common.topics import COMPENSATOR, CONTROLLER, FDI
@@ -50,12 +51,12 @@ def cached_design(block: str, synthesis: str, point: str, sample_time_s: float, 
 
     Raises
     ------
-    ValueError
+    UserError
         For a sample time out of range or an unknown point.
     """
     if not (math.isfinite(sample_time_s) and SHORTEST_SAMPLE_TIME_S <= sample_time_s <= LONGEST_SAMPLE_TIME_S):
         allowed = f"{SHORTEST_SAMPLE_TIME_S:g} to {LONGEST_SAMPLE_TIME_S:g} s"
-        raise ValueError(f"sample time {sample_time_s:g} s: designs exist for {allowed}")
+        raise UserError(f"sample time {sample_time_s:g} s: designs exist for {allowed}")
     key = {
         "point": point,
         "sample_time_s": sample_time_s,
@@ -67,10 +68,15 @@ def cached_design(block: str, synthesis: str, point: str, sample_time_s: float, 
     def compute() -> Arrays:
         from threadpoolctl import threadpool_limits
 
+        from gimc.errors import SynthesisError
+
         print(f"acftc: designing the {block} at {point} (once, some seconds)", file=sys.stderr, flush=True)
         module = importlib.import_module(synthesis)
         with threadpool_limits(1):  # matrices of this size are ten times slower on several threads
-            arrays: Arrays = module.synthesise(point, sample_time_s, *weights)
+            try:
+                arrays: Arrays = module.synthesise(point, sample_time_s, *weights)
+            except SynthesisError as problem:
+                raise UserError(f"design of the {block} at {point}: {problem}") from problem
         return arrays
 
     return cached(f"{block}-{point}", key, compute)
@@ -99,12 +105,12 @@ def design_fdi(
 
     Raises
     ------
-    ValueError
+    UserError
         For an unknown operating point, a sample time out of range, another number of sensors, or another sensor of the
         superheat.
     """
     if sensors not in SYNTHESES:
-        raise ValueError(f"no isolation filter for {sensors} sensors; allowed: 2 or 3")
+        raise UserError(f"no isolation filter for {sensors} sensors; allowed: 2 or 3")
     name, synthesis = SYNTHESES[sensors]
     weights = weights or FdiWeights()
     if superheat is not None:
@@ -125,7 +131,7 @@ def design_controller(point: str, sample_time_s: float, weights: ControllerWeigh
 
     Raises
     ------
-    ValueError
+    UserError
         For an unknown operating point or a sample time out of range.
     """
     arrays = cached_design("controller", "ac_design.controller", point, sample_time_s, weights or ControllerWeights())
@@ -143,7 +149,7 @@ def design_compensator(
 
     Raises
     ------
-    ValueError
+    UserError
         For an unknown operating point or a sample time out of range.
     """
     arrays = cached_design(
@@ -179,7 +185,7 @@ def design_of(
 
     Raises
     ------
-    ValueError
+    UserError
         As `design_fdi`.
     """
     weights = CONTROLLERS[controller]
@@ -205,7 +211,7 @@ def write_designs(folder: Path, point: str, sample_time_s: float, **options: Any
 
     Raises
     ------
-    ValueError
+    UserError
         As `design_of`.
     RunError
         When a file cannot be written.
@@ -227,7 +233,7 @@ def all_blocks(point: str, sample_time_s: float = DEFAULT_SAMPLE_TIME_S) -> list
 
     Raises
     ------
-    ValueError
+    UserError
         For an unknown operating point, a sample time out of range, or a synthesis that fails its own checks.
     """
     controller, fdi = ControllerWeights(), FdiWeights()

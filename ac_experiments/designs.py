@@ -62,7 +62,7 @@ def write_designs_of(scenario: Scenario, folder: Path) -> dict[str, Path]:
 
     Raises
     ------
-    ValueError
+    UserError
         As `ac_design.design_of`.
     RunError
         When a file cannot be written.

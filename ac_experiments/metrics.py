@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ac_common.errors import BringupError
+from ac_common.errors import UserError
 from ac_common.fdi_status import StatusRow
 from ac_common.files import write_whole
 from ac_common.topics import FAULTS
@@ -75,13 +75,13 @@ def summarise(recording: Recording) -> dict[str, Any]:
 
     Raises
     ------
-    BringupError
+    UserError
         When the recording holds no tick.
     """
     time_s, series, about = recording.time_s, recording.series, recording.metadata
     if len(time_s) == 0:
         msg = "the recording holds no tick"
-        raise BringupError(msg)
+        raise UserError(msg)
     faults = injected_faults(recording)
     first_onset_s = min((fault.onset_s for fault in faults), default=float(time_s[0]))
     last_onset_s = max((fault.onset_s for fault in faults), default=float(time_s[0]) + WINDOW_S)

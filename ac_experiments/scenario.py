@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from ac_common.errors import BringupError, nearest, one_line, shortened
+from ac_common.errors import UserError, nearest, one_line, shortened
 from ac_common.units import KPA
-from ac_common.yaml_file import parsed, text_of
+from ac_common.yaml_file import parsed, text_of, yaml_text
 from ac_experiments.scenario_schema import LARGEST, SHORTEST_S, Change, Scenario, quoted, unknown
 
 BUILT_IN = Path(__file__).parent / "scenarios"
@@ -119,14 +118,14 @@ def load(name_or_path: str | Path, overrides: Sequence[str] = (), *, whole: bool
 
     Raises
     ------
-    BringupError
+    UserError
         One line naming the file, the key, what was given and what is allowed.
     """
     path = _find(name_or_path)
     content = parsed(text_of(path), f"{path}: not valid YAML")
     if not isinstance(content, dict):
         msg = f"{path}: must hold keys and values such as 'duration_s: 600', not {_kind(content)}"
-        raise BringupError(msg)
+        raise UserError(msg)
     content.setdefault("name", path.stem)
     for override in overrides:
         _override(content, override)
@@ -136,13 +135,13 @@ def load(name_or_path: str | Path, overrides: Sequence[str] = (), *, whole: bool
 
 
 def check(content: Mapping[str, Any], source: str = "scenario") -> Scenario:
-    """Check a mapping against the scenario schema; raises `BringupError` as `load` does."""
+    """Check a mapping against the scenario schema; raises `UserError` as `load` does."""
     return _driven(_validated(dict(content), source), source)
 
 
 def to_yaml(scenario: Scenario) -> str:
-    """`scenario` as a YAML text that `load` reads back to an equal one."""
-    return yaml.safe_dump(scenario.model_dump(mode="json", exclude_defaults=True), sort_keys=False)
+    """Return `scenario` as a YAML text that `load` reads back to an equal one."""
+    return yaml_text(scenario.model_dump(mode="json", exclude_defaults=True))
 
 
 # ---------------------------------------------------------------------------------------------------- reading
@@ -156,13 +155,13 @@ def _find(name_or_path: str | Path) -> Path:
     path = Path(text)
     if path.is_dir():
         msg = f"{text}: is a folder, not a scenario file"
-        raise BringupError(msg)
+        raise UserError(msg)
     if path.exists():
         return path
     if path.suffix in (".yaml", ".yml") or "/" in text:
         msg = f"{text}: no such scenario file"
-        raise BringupError(msg)
-    raise BringupError(unknown("scenario", text, list(known)) + ", or the path of a YAML file")
+        raise UserError(msg)
+    raise UserError(unknown("scenario", text, list(known)) + ", or the path of a YAML file")
 
 
 _LIST_EXAMPLES = (
@@ -177,7 +176,7 @@ def _override(content: dict[str, Any], override: str) -> None:
     shown = shortened(override)
     if not equals or not key:
         msg = f"--set {shown}: must be KEY=VALUE, for instance faults.0.size_rpm=60"
-        raise BringupError(msg)
+        raise UserError(msg)
     value = parsed(text, f"--set {shown}: the value {quoted(text)} is not valid YAML")
     target: Any = content
     *parents, last = key.split(".")
@@ -191,7 +190,7 @@ def _override(content: dict[str, Any], override: str) -> None:
             target = target[part]
         if not isinstance(target, dict | list):
             msg = f"--set {shown}: {shortened(where)} is {_kind(target)} and has nothing below it"
-            raise BringupError(msg)
+            raise UserError(msg)
     if isinstance(target, list):
         target[_index(last, target, shown, key)] = value
     else:
@@ -203,7 +202,7 @@ def _index(part: str, items: list[Any], override: str, where: str) -> int:
         return int(part)
     allowed = f"0 to {len(items) - 1}" if items else f"none, the list is empty; give a whole one, {_LIST_EXAMPLES}"
     msg = f"--set {override}: {shortened(where)} is not an item of the list; allowed: {allowed}"
-    raise BringupError(msg)
+    raise UserError(msg)
 
 
 # --------------------------------------------------------------------------------------------- error messages
@@ -217,7 +216,7 @@ def _validated(content: dict[str, Any], source: str) -> Scenario:
         lines = [_line(problem) for problem in problems[:3]]
         more = f" (and {len(problems) - 3} more)" if len(problems) > 3 else ""
         msg = f"{source}: {'; '.join(lines)}{more}"
-        raise BringupError(msg) from None
+        raise UserError(msg) from None
 
 
 def _driven(scenario: Scenario, source: str) -> Scenario:
@@ -228,7 +227,7 @@ def _driven(scenario: Scenario, source: str) -> Scenario:
         changes = scenario.air.drive_cycle.changes()
     except ValueError as problem:
         msg = f"{source}: air.drive_cycle.file: {problem}"
-        raise BringupError(msg) from None
+        raise UserError(msg) from None
     content = scenario.model_dump(mode="json")
     content["air"] = {**content["air"], "mass_flow_percent": changes, "drive_cycle": None}
     return _validated(content, source)

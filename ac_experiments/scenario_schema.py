@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from ac_common.errors import nearest, shortened
+from ac_common.errors import UserError, nearest, shortened
 from ac_common.fault_profiles import PROFILE_KEYS, unit_profile
 from ac_common.sample_time import DEFAULT_SAMPLE_TIME_S, LONGEST_SAMPLE_TIME_S, SHORTEST_SAMPLE_TIME_S
 from ac_common.units import FAULT_UNITS, KPA, RPM
@@ -257,13 +257,13 @@ class Scenario(_Part):
 
         Raises
         ------
-        ValueError
+        UserError
             When the compensator is to act with two sensors.
         """
         passive = self.passive if instead is None else instead
         if self.sensors == 2 and not passive:
             msg = "sensors: 2 needs passive: true, since the compensators are designed for three sensors"
-            raise ValueError(msg)
+            raise UserError(msg)
         return passive
 
     @property

@@ -20,7 +20,7 @@ from ac_experiments.designs import Designs, designs_of
 from ac_experiments.recording import Recording
 from ac_experiments.scenario import program
 from ac_experiments.scenario_schema import Scenario
-from ac_experiments.versions import software
+from ac_experiments.versions import versions
 
 Progress = Callable[[int, int], None]
 
@@ -148,7 +148,7 @@ def simulate(
             "events": events,
             "restarts": [],
             "complete": True,
-            "software": software(),
+            "software": versions(),
         },
     )
 

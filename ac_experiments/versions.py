@@ -10,7 +10,7 @@ _PACKAGES = ("acftc", "numpy", "numba", "CoolProp", "ros-jazzy-rclpy", "ros-fast
 
 
 def plant() -> str:
-    """Which plant's parameters are in use: the file they are from, and a hash of what it says."""
+    """Return which plant's parameters are in use: the file they are from, and a hash of what it says."""
     from ac_plant_node import load_parameters
 
     parameters = load_parameters()
@@ -18,12 +18,12 @@ def plant() -> str:
 
 
 def same_plant(made_with: Mapping[str, str]) -> bool:
-    """Whether a recording made with `software()` was of the plant that is in use now; recordings of old did not say."""
+    """Return whether a recording made with `versions()` was of the plant in use now; recordings of old did not say."""
     return made_with.get("plant", plant()).split()[-1] == plant().split()[-1]
 
 
-def software() -> dict[str, str]:
-    """Versions of this program, of Python and of the packages under it, and the kind of machine."""
+def versions() -> dict[str, str]:
+    """Return the versions of this program, of Python and of the packages under it, and the kind of machine."""
     found = {"python": platform.python_version()}
     for name in _PACKAGES:
         try:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ac_common.errors import UserError
 from ac_common.units import RPM
 from ac_plant_node.dynamics import balances as model
 from ac_plant_node.parameters.file import load_parameters
@@ -65,7 +66,7 @@ def solve_point(row: TableRow, parameters: Parameters, tab: Tables) -> Calibrate
 
     Raises
     ------
-    ValueError
+    UserError
         When the solver finds none: the parameters do not fit the point.
     """
     from scipy.optimize import root  # half a second to load, and only calibration needs it
@@ -106,7 +107,7 @@ def solve_point(row: TableRow, parameters: Parameters, tab: Tables) -> Calibrate
             best = q
             break
     if best is None:
-        raise ValueError(f"calibration: no equilibrium found for the {row.name!r} point with these parameters")
+        raise UserError(f"calibration: no equilibrium found for the {row.name!r} point with these parameters")
     x = np.empty(model.N_STATES)
     x[free], x[1], x[2] = best[:10], pe, h_e2
     return CalibratedPoint(row, x, float(best[10]), float(best[11]))
@@ -135,7 +136,7 @@ def calibrate(
 
     Raises
     ------
-    ValueError
+    UserError
         One line: the point without an equilibrium, or the coefficient outside its range.
     """
     parameters = parameters or load_parameters()
@@ -151,7 +152,7 @@ def calibrate(
     for name, value in found.items():
         low, high = parameter_range(name)
         if not low <= value <= high:
-            raise ValueError(
+            raise UserError(
                 f"calibration: {name} comes out as {value:.3g}, outside {low:g} to {high:g}; "
                 "these operating points do not belong to a plant with these parameters"
             )
@@ -171,5 +172,5 @@ def _fit(matrix: NDArray[np.float64], values: list[float]) -> NDArray[np.float64
         if rank < matrix.shape[1]:
             found[:] = np.nan
     if not np.isfinite(found).all():
-        raise ValueError("calibration: the operating points must differ in compressor speed and in valve opening")
+        raise UserError("calibration: the operating points must differ in compressor speed and in valve opening")
     return found

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ac_common.errors import shortened
+from ac_common.errors import UserError, shortened
 from ac_common.units import RPM
 
 EPA_PAGE = "https://www.epa.gov/vehicle-and-fuel-emissions-testing/dynamometer-drive-schedules"
@@ -85,7 +85,7 @@ def load_drive_cycle(path: str | Path) -> DriveCycle:
 
     Raises
     ------
-    ValueError
+    UserError
         One line: no such file (and where the EPA publishes it), no data, a header with another unit, a line that is
         not two numbers, times that do not increase, a negative or absurd speed.
     """
@@ -95,7 +95,7 @@ def load_drive_cycle(path: str | Path) -> DriveCycle:
         lines = file.read_text(encoding="utf-8-sig", errors="replace").splitlines()
     except OSError as error:
         reason = "no such file" if isinstance(error, FileNotFoundError) else error.strerror
-        raise ValueError(f"{shown}: {reason}; the EPA publishes SC03 and others at {EPA_PAGE}") from error
+        raise UserError(f"{shown}: {reason}; the EPA publishes SC03 and others at {EPA_PAGE}") from error
     unit = MPH
     rows: list[tuple[float, float]] = []
     for number, line in enumerate(lines, 1):
@@ -107,16 +107,16 @@ def load_drive_cycle(path: str | Path) -> DriveCycle:
             time, speed = (float(cell) for cell in cells)
         except ValueError:
             if rows:
-                raise ValueError(f"{shown}: line {number} is not two numbers: {text[:40]!r}") from None
+                raise UserError(f"{shown}: line {number} is not two numbers: {text[:40]!r}") from None
             unit = _unit(text, unit, f"{shown}: line {number}")
             continue
         if not (np.isfinite(time) and 0.0 <= speed * unit <= 100.0):
-            raise ValueError(f"{shown}: line {number} has speed {speed:g}, allowed are 0 to 100 m/s")
+            raise UserError(f"{shown}: line {number} has speed {speed:g}, allowed are 0 to 100 m/s")
         if rows and time <= rows[-1][0]:
-            raise ValueError(f"{shown}: time does not increase at line {number}")
+            raise UserError(f"{shown}: time does not increase at line {number}")
         rows.append((time, speed * unit))
     if len(rows) < 2:
-        raise ValueError(f"{shown}: fewer than two lines of data")
+        raise UserError(f"{shown}: fewer than two lines of data")
     table = np.array(rows)
     return DriveCycle(table[:, 0] - table[0, 0], table[:, 1])
 
@@ -125,7 +125,7 @@ def _unit(header: str, otherwise: float, where: str) -> float:
     """Return the unit of the speed [m/s] that a header names; `otherwise` when it names none."""
     found = next((factor for pattern, factor in _UNITS if pattern.search(header.lower())), None)
     if found is None and _SOME_UNIT.search(header.lower()):
-        raise ValueError(f"{where} names no unit that is known: {header[:40]!r}; allowed: mph, km/h, m/s")
+        raise UserError(f"{where} names no unit that is known: {header[:40]!r}; allowed: mph, km/h, m/s")
     return otherwise if found is None else found
 
 

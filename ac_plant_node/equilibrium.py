@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from ac_common.errors import UserError
 from ac_common.units import RPM
 from ac_plant_node.calibration import row_inputs, starting_state, superheated_enthalpy
 from ac_plant_node.dynamics import balances as model
@@ -86,7 +87,7 @@ def equilibrium(
 
     Raises
     ------
-    ValueError
+    UserError
         When neither damped Newton iterations nor a simulation of 1500 s find an equilibrium with all five zones.
     """
     parameters = parameters or load_parameters()
@@ -100,7 +101,7 @@ def equilibrium(
     x = _newton(_settled(np.array(starts[0]), w, parameters, tab), w, parameters, tab)
     if x is not None:
         return _describe(name, x, w, parameters, tab)
-    raise ValueError(
+    raise UserError(
         f"no equilibrium with all zones found at {w[0] / RPM:g} rpm, {100 * w[1]:g} % valve, "
         f"{w[2]:g} kg/s air of {w[3]:g} degC"
     )
@@ -187,7 +188,7 @@ def table_inputs(point: str, parameters: Parameters | None = None) -> NDArray[np
 
     Raises
     ------
-    ValueError
+    UserError
         When there is no such point.
     """
     parameters = parameters or load_parameters()
@@ -195,7 +196,7 @@ def table_inputs(point: str, parameters: Parameters | None = None) -> NDArray[np
         if row.name == point:
             return row_inputs(row, parameters)
     known = ", ".join(row.name for row in parameters.points)
-    raise ValueError(f"unknown operating point {point!r}: allowed are {known}")
+    raise UserError(f"unknown operating point {point!r}: allowed are {known}")
 
 
 def operating_point(point: str) -> OperatingPoint:
@@ -203,7 +204,7 @@ def operating_point(point: str) -> OperatingPoint:
 
     Raises
     ------
-    ValueError
+    UserError
         When there is no such point, or no equilibrium.
     """
     return _of_table(point, load_parameters().identity)

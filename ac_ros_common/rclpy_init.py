@@ -8,7 +8,7 @@ import rclpy
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.logging import LoggingSeverity, set_logger_level
 
-from ac_common.errors import shortened
+from ac_common.errors import UserError, shortened
 
 #: Where in its sources the middleware met the problem: nothing that a user can act on.
 _ORIGIN = re.compile(r",? at /\S+:\d+")
@@ -16,7 +16,7 @@ _ORIGIN = re.compile(r",? at /\S+:\d+")
 _NO_FILE = "Error opening YAML file"
 
 
-class ArgumentError(ValueError):
+class ArgumentError(UserError):
     """Arguments or a parameter file that the middleware cannot read; the message is one line."""
 
 

@@ -4,7 +4,6 @@ The commands are in `bringup.commands`, one module each; heavy modules are impor
 that help comes at once.
 """
 
-import linecache
 import os
 import signal
 import sys
@@ -15,7 +14,7 @@ from pathlib import Path
 
 import click
 
-from ac_common.errors import nearest, one_line
+from ac_common.errors import UserError, nearest, one_line
 from bringup.commands.options import examples
 
 #: Names the plant's parameter file; the same as `PLANT_VARIABLE` of `ac_plant_node`, which is heavy to import.
@@ -24,20 +23,6 @@ PLANT_VARIABLE = "ACFTC_PLANT"
 INTERRUPTED = 130
 FAILED = 1
 BAD_INPUT = 2
-
-#: Errors of these packages carry a message meant for the user.
-OWN_PACKAGES = (
-    "ac_common",
-    "ac_design",
-    "ac_experiments",
-    "ac_plant_node",
-    "ac_ros_common",
-    "bringup",
-    "fault_injector_node",
-    "fdi_node",
-    "gimc",
-    "gimc_controller_node",
-)
 
 #: Every command, under the heading where help lists it, in the order of use.
 SECTIONS: dict[str, tuple[str, ...]] = {
@@ -158,10 +143,9 @@ def _usage(problem: click.ClickException) -> str:
 
 
 def _explain(problem: Exception) -> int:
-    """One line for any exception: its message when it is meant for the user, else where the traceback is."""
-    if _meant_for_the_user(problem):
-        code = BAD_INPUT if isinstance(problem, ValueError) else FAILED
-        return _fail(str(problem), getattr(problem, "exit_code", code))
+    """Say in one line what an exception means: its message when meant for the user, else where the traceback is."""
+    if isinstance(problem, UserError):
+        return _fail(str(problem), problem.exit_code)
     if isinstance(problem, OSError) and problem.strerror:
         where = f"{problem.filename}: " if problem.filename else ""
         return _fail(f"{where}{problem.strerror}", FAILED)
@@ -171,19 +155,6 @@ def _explain(problem: Exception) -> int:
         traceback.print_exception(problem, file=log)
     what = f"{type(problem).__name__}: {problem}"
     return _fail(f"unexpected error, please report it with {name} ({one_line(what)[:200]})", FAILED)
-
-
-def _meant_for_the_user(problem: Exception) -> bool:
-    """Whether the message was written for a user: an error class of ours, or a ValueError that our own code raised."""
-    if type(problem).__module__.partition(".")[0] in OWN_PACKAGES:
-        return True
-    if type(problem) is not ValueError:
-        return False
-    frame, line = list(traceback.walk_tb(problem.__traceback__))[-1]
-    if frame.f_globals.get("__name__", "").partition(".")[0] not in OWN_PACKAGES:
-        return False
-    # A ValueError of numpy's compiled code shows our line as the last one, too, but that line is no raise.
-    return linecache.getline(frame.f_code.co_filename, line).lstrip().startswith("raise")
 
 
 def _fail(line: str, code: int) -> int:

@@ -1,18 +1,11 @@
 """Other processes of this machine."""
 
 import os
-from pathlib import Path
+
+import psutil
 
 
 def processes_that_mention(text: str) -> list[str]:
     """Command lines of other running processes that contain `text`."""
-    found = []
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdecimal() and int(entry.name) != os.getpid():
-            try:
-                line = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
-            except OSError:
-                continue  # gone meanwhile
-            if text in line:
-                found.append(line)
-    return found
+    lines = {process.pid: " ".join(process.info["cmdline"] or []) for process in psutil.process_iter(["cmdline"])}
+    return [line for pid, line in lines.items() if pid != os.getpid() and text in line]

@@ -19,7 +19,7 @@ from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from ac_common.errors import BringupError, shortened
+from ac_common.errors import UserError, shortened
 from ac_common.fdi_status import StatusRow, status_row
 from ac_common.health import health_of, read_restarts
 from ac_common.topics import BRINGUP, BY_NAME, DIAGNOSTICS, NAMESPACE, OCCASIONAL, PLANT, Topic
@@ -68,7 +68,7 @@ def read_raw(bag: Path | str) -> RawBag:
 
     Raises
     ------
-    BringupError
+    UserError
         When there is no bag, or none that can be read.
     """
     files = _files(Path(bag))
@@ -81,10 +81,10 @@ def read_raw(bag: Path | str) -> RawBag:
             result.complete = False  # cut short; what is missing from a run shows in its number of ticks
         except (McapError, zstandard.ZstdError, UnicodeDecodeError, MemoryError, OverflowError) as problem:
             msg = f"{file}: not a readable MCAP file: {shortened(problem, 200) or type(problem).__name__}"
-            raise BringupError(msg) from None
+            raise UserError(msg) from None
         except OSError as problem:
             msg = f"{file}: cannot be read: {problem.strerror}"
-            raise BringupError(msg) from None
+            raise UserError(msg) from None
     return result
 
 
@@ -105,19 +105,19 @@ def run_of(raw: RawBag, bag: Path | str) -> tuple[dict[str, Any], Scenario]:
 
     Raises
     ------
-    BringupError
+    UserError
         When the bag holds no run of ours, or one that cannot have been.
     """
     if "scenario" not in raw.run:
         msg = f"{bag}: holds no run of acftc (the metadata record {RUN_RECORD!r} is missing or damaged)"
-        raise BringupError(msg)
+        raise UserError(msg)
     try:
         run = Run.model_validate(raw.run).model_dump()
     except ValidationError as problem:
         first = problem.errors(include_url=False)[0]
         where = shortened(".".join(str(part) for part in first["loc"]))
         msg = f"{bag}: the metadata record {RUN_RECORD!r} is damaged: {where}: {shortened(first['msg'], 200)}"
-        raise BringupError(msg) from None
+        raise UserError(msg) from None
     return run, check(run["scenario"], f"{bag}: scenario of the recording")
 
 
@@ -139,7 +139,7 @@ def read_bag(bag: Path | str) -> Recording:
 
     Raises
     ------
-    BringupError
+    UserError
         When it cannot be read or holds no run of ours.
     """
     raw = read_raw(bag)
@@ -302,7 +302,7 @@ def _files(bag: Path) -> list[Path]:
         if files:
             return files
     msg = f"{bag}: no such bag" if not bag.exists() else f"{bag}: no bag in this folder (no .mcap file)"
-    raise BringupError(msg)
+    raise UserError(msg)
 
 
 class _Channels:

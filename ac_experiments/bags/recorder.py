@@ -15,7 +15,6 @@ from os import SEEK_END
 from pathlib import Path
 from typing import IO, Any
 
-import yaml
 from mcap.data_stream import RecordBuilder
 from mcap.exceptions import EndOfFile, McapError
 from mcap.reader import make_reader
@@ -23,7 +22,9 @@ from mcap.records import Channel, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
+from ac_common.errors import UserError
 from ac_common.files import put_whole
+from ac_common.yaml_file import parsed, yaml_text
 from ac_ros_common.type_definitions import definition, type_hash
 
 #: Small chunks: what is lost in a crash, and how long the writer stands still to compress one.
@@ -86,7 +87,7 @@ class BagWriter:
         self._earlier = bag_files(folder)
         if self._earlier and not append:
             msg = f"{folder}: holds a bag already"
-            raise ValueError(msg)
+            raise UserError(msg)
         self._file = folder / f"{folder.name}_{len(self._earlier)}.mcap"
         self._topics = list(topics)
         self._run = json.dumps(run)
@@ -103,7 +104,7 @@ class BagWriter:
             if topic.type not in schemas:
                 text = definition(topic.type).encode()
                 schemas[topic.type] = self._writer.register_schema(topic.type, "ros2msg", text)
-            qos = yaml.safe_dump([topic.qos()], sort_keys=False)
+            qos = yaml_text([topic.qos()])
             metadata = {"offered_qos_profiles": qos, "topic_type_hash": type_hash(topic.type)}
             self._channels.append(self._writer.register_channel(topic.name, "cdr", schemas[topic.type], metadata))
         self._flushed_s = time.monotonic()
@@ -227,7 +228,7 @@ def mend(folder: Path) -> list[Path]:
             _rewrite(file)
         if files and (cut or len(files) > 1):
             _count_anew(folder, files)
-    except (OSError, ValueError, KeyError, TypeError, McapError, yaml.YAMLError):
+    except (OSError, ValueError, KeyError, TypeError, McapError):
         for unfinished in folder.glob(f"*{UNFINISHED}"):
             unfinished.unlink()
     return cut
@@ -270,7 +271,7 @@ def _rewrite(file: Path) -> None:
 def _count_anew(folder: Path, files: Sequence[Path]) -> None:
     """Write the metadata of a bag again, from what its files' own statistics say."""
     path = folder / "metadata.yaml"
-    content = yaml.safe_load(path.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
+    content = parsed(path.read_text(encoding="utf-8"), str(path))["rosbag2_bagfile_information"]
     counts: Counter[str] = Counter()
     spans: list[tuple[int, int, int]] = []
     for file in files:
@@ -312,12 +313,4 @@ def _writer(stream: IO[bytes]) -> Writer:
 
 
 def _write_yaml(path: Path, content: Mapping[str, Any]) -> None:
-    text = yaml.dump({"rosbag2_bagfile_information": dict(content)}, Dumper=_NoAliases, sort_keys=False)
-    put_whole(path, text)
-
-
-class _NoAliases(yaml.SafeDumper):
-    """Writes repeated content out instead of referring to it, as rosbag2 does."""
-
-    def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002
-        return True
+    put_whole(path, yaml_text({"rosbag2_bagfile_information": dict(content)}))

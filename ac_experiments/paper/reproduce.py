@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ac_common.errors import BringupError
+from ac_common.errors import UserError
 from ac_common.files import write_whole
 from ac_common.sample_time import DEFAULT_SAMPLE_TIME_S
 from ac_common.units import KPA, RPM
@@ -378,7 +378,7 @@ def _medium_compensator_at(point: str, name: str, medium: Designs) -> list[Findi
     for whose, designs in used.items():
         try:
             error: float | None = summarise(simulate(scenario, designs=designs))["metrics"]["peak_pressure_error_kpa"]
-        except BringupError:
+        except UserError:
             error = None
         found.append(noted(f"{name} at {point} with {whose}: p_e off its reference, peak", "kPa", error))
     return found

@@ -26,7 +26,7 @@ def load_parameters(path: str | Path | None = None) -> Parameters:
 
     Raises
     ------
-    ValueError
+    UserError
         One line: the entry that is unknown, not a number or outside its range.
     """
     own = path if path is not None else os.environ.get(PLANT_VARIABLE) or None
@@ -55,7 +55,7 @@ def load_points(path: str | Path) -> tuple[TableRow, ...]:
 
     Raises
     ------
-    ValueError
+    UserError
         One line: the row and the entry that is missing, unknown, not a number or outside `POINT_RANGES`.
     """
     from ac_plant_node.parameters.schema import checked_points

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
 
-from ac_common.errors import nearest, shortened
+from ac_common.errors import UserError, nearest, shortened
 from ac_common.yaml_file import parsed, text_of
 from ac_plant_node.parameters.values import (
     LARGEST_TABLE,
@@ -43,7 +43,7 @@ def checked_points(path: Path) -> tuple[TableRow, ...]:
 def _read_mapping(path: Path) -> dict[str, Any]:
     data = parsed(text_of(path), f"{path}: not valid YAML")
     if not isinstance(data, dict):
-        raise ValueError(f"{path}: expected a mapping of names to values")
+        raise UserError(f"{path}: expected a mapping of names to values")
     return {str(key): value for key, value in data.items()}
 
 
@@ -151,7 +151,7 @@ def _validated[M: BaseModel](path: Path, schema: type[M]) -> M:
     try:
         return schema.model_validate(data)
     except ValidationError as error:
-        raise ValueError(f"{path}: {_line(error.errors(include_url=False)[0], tuple(schema.model_fields))}") from None
+        raise UserError(f"{path}: {_line(error.errors(include_url=False)[0], tuple(schema.model_fields))}") from None
 
 
 def _line(problem: Any, top: tuple[str, ...]) -> str:

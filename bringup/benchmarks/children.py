@@ -1,26 +1,24 @@
 """Which of this process's children run which node."""
 
-import os
-from pathlib import Path
+import contextlib
 
-from bringup.launch.node_modules import MODULES
+import psutil
+
+from bringup.launch.process_table import PROCESSES
 
 
-def node_pids() -> dict[str, int]:
-    """Process of each node that is a child of this process, by the node's name."""
+def node_processes() -> dict[str, psutil.Process]:
+    """Return the process of each node that is a child of this process, by the node's name."""
     found = {}
-    for pid in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split():
-        try:
-            words = Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0")
-        except OSError:
-            continue  # gone meanwhile
-        name = next((name for name, module in MODULES.items() if module in words), None)
-        if name is not None:
-            found[name] = int(pid)
+    for child in psutil.Process().children():
+        with contextlib.suppress(psutil.Error):  # gone meanwhile
+            words = child.cmdline()
+            name = next((name for name, process in PROCESSES.items() if process.module in words), None)
+            if name is not None:
+                found[name] = child
     return found
 
 
-def resident_mb(pid: int) -> float:
-    """Resident memory of a process."""
-    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+def resident_mb(process: psutil.Process) -> float:
+    """Return the resident memory of a process."""
+    return float(process.memory_info().rss) / 2**20

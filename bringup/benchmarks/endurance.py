@@ -18,22 +18,23 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import psutil
 
 from ac_common.health import missed_ticks, reported
 from ac_common.topics import INJECTOR, NAMESPACE, PLANT, TOPICS
 from ac_experiments.bags.reader import RawBag, health_reports, read_bag, read_raw
 from ac_experiments.scenario import check
-from bringup.benchmarks.children import node_pids, resident_mb
+from bringup.benchmarks.children import node_processes, resident_mb
 from bringup.benchmarks.figures import HostNoise, host_noise, start_host_noise
 from bringup.benchmarks.host_noise import STALL_S, lost_s, missed_by_us
 from bringup.launch.launch import GraphRun, run_graph
-from bringup.launch.node_modules import MODULES
+from bringup.launch.process_table import PROCESSES
 
 #: Growth of one node after the first minute that is still none, MB: pages that are touched late, once.
 PLAY_MB = 3.0
 #: What counts as the first minute of a shorter run: a quarter of it.
 FIRST_S = 60.0
-COLUMNS = tuple(MODULES)
+COLUMNS = tuple(PROCESSES)
 
 
 @dataclass
@@ -64,9 +65,9 @@ class Watch:
 def node_memory_mb() -> dict[str, float]:
     """Resident memory of each node that is a child of this process."""
     found = {}
-    for name, pid in node_pids().items():
-        with contextlib.suppress(OSError):  # gone meanwhile
-            found[name] = resident_mb(pid)
+    for name, process in node_processes().items():
+        with contextlib.suppress(psutil.Error):  # gone meanwhile
+            found[name] = resident_mb(process)
     return found
 
 

@@ -19,12 +19,12 @@ from ac_common.topics import PLANT, RECORDER
 from ac_experiments.scenario import load
 from ac_ros_common.process_exit import PARENT_VARIABLE
 from bringup.benchmarks import loop_speed
-from bringup.benchmarks.children import node_pids, resident_mb
+from bringup.benchmarks.children import node_processes, resident_mb
 from bringup.benchmarks.figure import Figure
 from bringup.benchmarks.host_noise import missed_by_us
 from bringup.benchmarks.recovery import recovery
 from bringup.launch.launch import GraphRun, run_graph
-from bringup.launch.node_modules import MODULES
+from bringup.launch.process_table import LOOP_NODES, PROCESSES
 from bringup.launch.processes import Domain, end_groups, ros_environment
 
 Say = Callable[[str], None]
@@ -97,7 +97,7 @@ def bench(ticks: int = 1000, rounds: int = 3, realtime_s: float = 60.0, say: Say
     memory = use.memory_mb()
     figures += [
         Figure(f"memory of {name}", "MB", memory[name], 250.0 if name == PLANT else 120.0)
-        for name in MODULES
+        for name in PROCESSES
         if name in memory
     ]
     return figures + recovered
@@ -118,14 +118,14 @@ class _Use:
 
     def look(self, done: int, _ticks: int) -> None:
         """Take a look; a progress function of `run_graph`."""
-        pids = node_pids()
-        if done == 0 or len(pids) < len(MODULES):
+        processes = node_processes()
+        if done == 0 or len(processes) < len(PROCESSES):
             return
         seconds = 0.0
-        for name, pid in pids.items():
-            fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-            seconds += (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-            self._memory[name] = max(self._memory.get(name, 0.0), resident_mb(pid))
+        for name, process in processes.items():
+            used = process.cpu_times()
+            seconds += used.user + used.system
+            self._memory[name] = max(self._memory.get(name, 0.0), resident_mb(process))
         self._last = (time.monotonic(), seconds)
         if self._first is None:
             self._first = self._last
@@ -206,7 +206,7 @@ def _bare_chain(ticks: int, period_s: float, domain: int) -> dict[str, float]:
             env=environment,
             process_group=0,
         )
-        for name in (*(name for name in MODULES if name != RECORDER), RECORDER)
+        for name in (*LOOP_NODES, RECORDER)
     }
     try:
         for name, process in processes.items():

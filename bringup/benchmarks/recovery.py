@@ -1,8 +1,6 @@
-"""How long until a killed node is back in service, and until a stranger in the graph has been reported."""
+"""How long until a killed node is back in service, and until an unexpected publisher has been reported."""
 
 import json
-import os
-import signal
 import time
 from pathlib import Path
 
@@ -15,7 +13,7 @@ from ac_common.wire import read_diagnostics
 from ac_experiments.bags.reader import read_raw
 from ac_experiments.scenario import load
 from ac_ros_common.loop_node import LOOP_QOS
-from bringup.benchmarks.children import node_pids
+from bringup.benchmarks.children import node_processes
 from bringup.benchmarks.figure import Figure
 from bringup.launch.launch import run_graph
 
@@ -23,11 +21,11 @@ KILLED = (FDI, COMPENSATOR, RECORDER, CONTROLLER, INJECTOR, SCENARIO)
 #: Time for each, s: to come back, and for the loop to settle.
 EACH_S = 5.0
 BACK_BAR_S, REPORTED_BAR_S = 3.0, 1.0
-STRANGER = "stranger"
+UNEXPECTED = "unexpected"
 
 
 def recovery(out: Path) -> list[Figure]:
-    """Kill every node but the plant once in a run at 10 Hz, then have a stranger announce itself as a publisher.
+    """Kill every node but the plant once in a run at 10 Hz, then have another node announce itself as a publisher.
 
     Parameters
     ----------
@@ -38,18 +36,18 @@ def recovery(out: Path) -> list[Figure]:
     pending = list(KILLED)
     context = rclpy.Context()
     announced_ns: list[int] = []
-    strangers: list[Node] = []  # a node that nobody holds is gone
+    unexpected: list[Node] = []  # a node that nobody holds is gone
 
     def disturb(tick: int, _ticks: int) -> None:
         due_s = EACH_S * (len(KILLED) - len(pending) + 1)
         if tick * 0.1 < due_s or announced_ns:
             return
         if pending:
-            os.kill(node_pids()[pending.pop(0)], signal.SIGKILL)
+            node_processes()[pending.pop(0)].kill()
             return
         rclpy.init(context=context, args=[], domain_id=domain[0])
-        strangers.append(rclpy.create_node(STRANGER, namespace=NAMESPACE, context=context))
-        strangers[0].create_publisher(JointState, "controller/command", LOOP_QOS)
+        unexpected.append(rclpy.create_node(UNEXPECTED, namespace=NAMESPACE, context=context))
+        unexpected[0].create_publisher(JointState, "controller/command", LOOP_QOS)
         announced_ns.append(time.time_ns())
 
     domain: list[int] = []
@@ -57,7 +55,7 @@ def recovery(out: Path) -> list[Figure]:
     try:
         run = run_graph(scenario, out, mode="realtime", progress=disturb, say=lambda _: None, beside=domain.append)
     finally:
-        for node in strangers:
+        for node in unexpected:
             node.destroy_node()
         context.try_shutdown()
     figures = [
@@ -69,11 +67,11 @@ def recovery(out: Path) -> list[Figure]:
 
 
 def _first_report_ns(bag: Path) -> float:
-    """When the bag's first report of a stranger was written."""
+    """When the bag's first report of the unexpected publisher was written."""
     for log_ns, data in read_raw(bag).messages["/diagnostics"]:
         for status in read_diagnostics(data):
             if status.name.endswith(f"/{BRINGUP}") and any(
-                STRANGER in line for line in json.loads(status.values["strangers"])
+                UNEXPECTED in line for line in json.loads(status.values["strangers"])
             ):
                 return log_ns
     return float("nan")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ac_common.errors import BringupError, RunError
+from ac_common.errors import RunError, UserError
 from bringup.commands.console import print_json, print_table, progress_bar, say
 from bringup.commands.options import examples, json_option
 
@@ -67,7 +67,7 @@ def campaign(seeds: int, seed: int | None, duration_s: float, out: Path | None, 
 def _fresh(folder: Path) -> Path:
     if any((folder / "bag").glob("*.mcap")):
         msg = f"{folder}: holds the recording of an earlier campaign; choose another --out"
-        raise BringupError(msg)
+        raise UserError(msg)
     return folder
 
 

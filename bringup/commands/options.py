@@ -8,7 +8,6 @@ import click
 from click.shell_completion import CompletionItem
 
 from ac_common.errors import nearest
-from ac_common.topics import COMPENSATOR, CONTROLLER, FDI, INJECTOR, PLANT, SCENARIO
 
 
 def examples(*lines: str) -> str:
@@ -49,14 +48,14 @@ class SettingType(click.ParamType[str]):
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:  # noqa: ARG002
         """Complete a key."""
-        from ac_common.errors import BringupError
+        from ac_common.errors import UserError
         from ac_experiments.scenario import load
 
         # With --set still waiting for its value, click leaves the scenario among the words that it could not place.
         scenario = ctx.params.get("scenario") or next(iter(ctx.args), "nominal")
         try:
             content = load(scenario).model_dump(mode="json")
-        except BringupError:
+        except UserError:
             return []
         return [CompletionItem(f"{key}=") for key in _keys(content) if key.startswith(incomplete)]
 
@@ -90,9 +89,6 @@ class NodeType(click.ParamType[str]):
         """Complete a name."""
         return [CompletionItem(name) for name in self.names if name.startswith(incomplete)]
 
-
-#: The nodes of the loop, in its order; the recorder stands beside it.
-LOOP_NODES = (PLANT, INJECTOR, FDI, COMPENSATOR, CONTROLLER, SCENARIO)
 
 scenario_argument = click.argument("scenario", metavar="SCENARIO", type=ScenarioType())
 bag_argument = click.argument("bag", metavar="BAG", type=click.Path(path_type=Path))

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ac_common.errors import BringupError, one_line
+from ac_common.errors import UserError, one_line
 from bringup.commands.console import print_json, print_table, progress_bar, say
 
 if TYPE_CHECKING:
@@ -33,11 +33,11 @@ def prepare_folder(folder: Path, force: bool) -> Path:
         return folder
     if not force:
         msg = f"{bag}: holds the recording of an earlier run; choose another --out, or --force to overwrite it"
-        raise BringupError(msg)
+        raise UserError(msg)
     strange = [item.name for item in bag.iterdir() if item.suffix not in (".mcap", ".yaml")]
     if strange:
         msg = f"{bag}: holds {strange[0]!r}, which is not part of a recording; move it away first"
-        raise BringupError(msg)
+        raise UserError(msg)
     for item in bag.iterdir():
         item.unlink()
     bag.rmdir()
@@ -52,7 +52,7 @@ def make_folder(folder: Path) -> None:
             pass
     except OSError as problem:
         msg = f"{folder}: cannot be written to: {one_line(problem.strerror)}"
-        raise BringupError(msg) from None
+        raise UserError(msg) from None
 
 
 def finish(
@@ -116,7 +116,7 @@ def companion(recording: "Recording") -> "tuple[Recording | None, str]":
     try:
         with progress_bar("the passive run beside it") as progress:
             passive = simulate_loop(scenario, passive=True, progress=progress)
-    except BringupError as problem:
+    except UserError as problem:
         return None, f"The passive run beside it could not be simulated: {problem}."
     if not _same_programme(recording, passive):
         return None, "No passive run beside it: faults or references were changed while this one ran."

@@ -6,7 +6,8 @@ import click
 
 from ac_common.errors import RunError, one_line
 from bringup.commands.console import print_json, progress_bar, say
-from bringup.commands.options import LOOP_NODES, NodeType, bag_argument, examples, json_option
+from bringup.commands.options import NodeType, bag_argument, examples, json_option
+from bringup.launch.process_table import LOOP_NODES
 
 
 @click.command(

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ac_common.errors import BringupError
+from ac_common.errors import UserError
 from bringup.commands.console import print_json, say
 from bringup.commands.options import bag_argument, examples, json_option
 from bringup.commands.outcome import companion, make_folder, write_page
@@ -43,15 +43,15 @@ def report(bag: Path, out: Path | None, beside: Path | None, alone: bool, as_jso
 
     if alone and beside:
         msg = "--alone and --beside exclude each other"
-        raise BringupError(msg)
+        raise UserError(msg)
     target = out or _default(bag)
     if target.suffix != ".html":
         msg = f"--out {target}: the report's name must end in .html; its pictures get the same name with .svg and .png"
-        raise BringupError(msg)
+        raise UserError(msg)
     recording = read_bag(bag)
     if len(recording.time_s) == 0:
         msg = f"{bag}: holds no tick; the run was cut short before its first"
-        raise BringupError(msg)
+        raise UserError(msg)
     summary = summarise(recording)
     if beside:
         other: Recording | None = _other(recording, beside)
@@ -78,5 +78,5 @@ def _other(recording: "Recording", beside: Path) -> "Recording":
     if bool(other.metadata["passive"]) == bool(recording.metadata["passive"]):
         kind = "passive" if other.metadata["passive"] else "active"
         msg = f"--beside {beside}: is a run with {kind} control as well; allowed: the other kind"
-        raise BringupError(msg)
+        raise UserError(msg)
     return other

@@ -5,11 +5,12 @@ from typing import Literal
 
 import click
 
-from ac_common.errors import BringupError, InterruptedRunError, RunError
+from ac_common.errors import InterruptedRunError, RunError, UserError
 from bringup.commands.console import progress_bar, say
 from bringup.commands.dash import dash_option, page
-from bringup.commands.options import LOOP_NODES, NodeType, OneOf, examples, scenario_options
+from bringup.commands.options import NodeType, OneOf, examples, scenario_options
 from bringup.commands.outcome import finish, load_scenario, prepare_folder
+from bringup.launch.process_table import LOOP_NODES
 
 
 @click.command(
@@ -78,12 +79,12 @@ def run(
     summary.json, report.html, and the pictures of the report as .svg and .png. A report left away with --no-report
     can be had later: acftc report DIR/bag.
     """
-    from bringup.launch.user_nodes import own_nodes
+    from bringup.launch.user_nodes import user_nodes
 
     if care and mode != "realtime":
-        raise BringupError("--realtime-care: only with --mode realtime; in lockstep nothing waits for the wall clock")
+        raise UserError("--realtime-care: only with --mode realtime; in lockstep nothing waits for the wall clock")
     chosen = load_scenario(scenario, overrides, passive)
-    own = own_nodes(nodes, without, params_file)
+    user = user_nodes(nodes, without, params_file)
     folder = prepare_folder(out or Path("results") / chosen.name, force)
 
     from ac_experiments.bags.reader import read_bag
@@ -91,8 +92,8 @@ def run(
 
     with page(with_page) as beside, progress_bar(f"{chosen.name} ({mode})") as progress:
         try:
-            run_graph(chosen, folder, mode=mode, progress=progress, own=own, say=say, beside=beside, care=care)
-        except BringupError as problem:
+            run_graph(chosen, folder, mode=mode, progress=progress, user=user, say=say, beside=beside, care=care)
+        except UserError as problem:
             # The input has been checked by now: what fails here is the run.
             kind = InterruptedRunError if isinstance(problem.__context__, KeyboardInterrupt) else RunError
             raise kind(str(problem)) from problem

@@ -24,7 +24,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
 from std_srvs.srv import SetBool
 
-from ac_common.errors import BringupError, one_line
+from ac_common.errors import UserError, one_line
 from ac_common.fdi_status import StatusRow, status_row
 from ac_common.health import read_restarts
 from ac_common.topics import (
@@ -47,7 +47,7 @@ from ac_ros_common.loop_node import PLAIN_QOS
 from ac_ros_common.messages import message_class
 from bringup.dash.reconfigure import reconfigure
 from bringup.dash.rows import TOPIC_NAMES, Rows, threshold_values
-from bringup.launch.launch import ACTIVATION_ORDER
+from bringup.launch.process_table import ACTIVATION_ORDER
 from bringup.nodes.scenario import OFFSETS
 from fault_injector_node.node import PARAMETERS as INJECTOR_PARAMETERS
 
@@ -252,7 +252,7 @@ class Link:
         try:
             scenario = str(parameters.get(SCENARIO, {}).get("scenario", "nominal"))
             reconfigure(names, self.domain, point, scenario)
-        except BringupError as problem:
+        except UserError as problem:
             self.say(one_line(problem), failed=True)
         else:
             self._heard.live_faults = frozenset()

@@ -4,18 +4,19 @@ import os
 import tempfile
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from ac_common.errors import BringupError, RunError, one_line
+from ac_common.errors import RunError, UserError, one_line
 from ac_common.topics import PLANT, RECORDER
 from ac_experiments.designs import write_designs_of
 from ac_experiments.scenario import check
 from ac_plant_node.rest import prepare
-from bringup.launch.launch import ACTIVATION_ORDER, node_arguments, node_parameters, start_again
-from bringup.launch.node_modules import MODULES
-from bringup.launch.processes import Child, Domain, ros_environment, start, stop
+from bringup.launch.node_parameters import NodeStarter, node_parameters
+from bringup.launch.process_table import ACTIVATION_ORDER, PROCESSES
+from bringup.launch.processes import Child, Domain, ros_environment, stop
 
 #: How long a graph that runs may take to be seen, s: discovery takes less than half a second.
 LOOK_S = 1.5
@@ -25,7 +26,7 @@ START_S = 30.0
 AT_REST = {"name": "live", "description": "At rest until somebody does something.", "duration_s": 1.0}
 
 
-class OwnGraph:
+class PrivateGraph:
     """Starts the nodes at once, activates them in the background, and watches them; a context manager.
 
     A node that dies is started again, as in a run on the wall clock.
@@ -48,9 +49,7 @@ class OwnGraph:
         self._domain = domain
         self._scenario = check({**AT_REST, "operating_point": point})
         self._folder = tempfile.TemporaryDirectory(prefix="acftc-dash-")
-        self._children: dict[str, Child] = {}
-        self._environment = {**ros_environment(), "ROS_DOMAIN_ID": str(domain.number)}
-        self._parameters: dict[str, dict[str, Any]] = {}
+        self._starter = NodeStarter({}, self._log, {**ros_environment(), "ROS_DOMAIN_ID": str(domain.number)})
         self._ends = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -59,13 +58,13 @@ class OwnGraph:
         self._log.mkdir()
         prepare(self._scenario.operating_point)
         write_designs_of(self._scenario, self._log)
-        self._parameters = node_parameters(self._scenario, Path(self._folder.name), "realtime", passive=False)
-        self._parameters[PLANT]["ticks"] = 0  # it never stops
-        for name, module in MODULES.items():
+        parameters = node_parameters(self._scenario, Path(self._folder.name), "realtime", passive=False)
+        parameters[PLANT]["ticks"] = 0  # it never stops
+        self._starter = replace(self._starter, parameters=parameters)
+        for name in PROCESSES:
             if name != RECORDER:
-                arguments = node_arguments(module, name, self._parameters[name], self._log)
-                self._children[name] = start(name, arguments, self._log, self._environment)
-        self._thread = threading.Thread(target=self._manage, name="own graph", daemon=True)
+                self._starter.start(name)
+        self._thread = threading.Thread(target=self._manage, name="private graph", daemon=True)
         self._thread.start()
         return self
 
@@ -75,7 +74,7 @@ class OwnGraph:
         self._ends.set()
         if self._thread is not None:
             self._thread.join()  # first: nodes that end all around it may make its own node hang (`last_resort`)
-        stop(list(self._children.values()))
+        stop(list(self._starter.children.values()))
         self._folder.cleanup()
         self._domain.release()
 
@@ -87,22 +86,19 @@ class OwnGraph:
         if self._ends.is_set():
             msg = "the page is being closed"
             raise RunError(msg)
-        stop([self._children[name]], patience_s=0.0)  # what its process may have left in its group
-        self._children[name] = start_again(name, self._parameters[name], self._log, self._environment, changed=changed)
-        return self._children[name]
+        return self._starter.start_again(name, changed)
 
     def _manage(self) -> None:
         """Bring the nodes to life, then see that they stay alive."""
         from bringup.launch.supervisor import Supervisor
 
         try:
-            with Supervisor(
-                self._children, self._environment, revive=self._revive, is_over=self._ends.is_set
-            ) as supervisor:
-                supervisor.activate([name for name in ACTIVATION_ORDER if name in self._children])
+            children, environment = self._starter.children, self._starter.environment
+            with Supervisor(children, environment, revive=self._revive, is_over=self._ends.is_set) as supervisor:
+                supervisor.activate([name for name in ACTIVATION_ORDER if name in children])
                 while True:
                     supervisor.spin()
-        except BringupError as problem:
+        except UserError as problem:
             if not self._ends.is_set():
                 self.problem = one_line(problem)
         except Exception as problem:
@@ -110,15 +106,15 @@ class OwnGraph:
                 self.problem = f"{type(problem).__name__}: {one_line(problem)}"
 
 
-def find_or_start(point: str = "med") -> tuple[int, OwnGraph | None]:
-    """Domain of a graph that runs, or of one of our own, which the caller enters and leaves.
+def find_or_start(point: str = "med") -> tuple[int, PrivateGraph | None]:
+    """Return the domain of a graph that runs, or of a private one, which the caller enters and leaves.
 
     Looks into ROS_DOMAIN_ID, 0 when it is not set. A domain that another run has taken, but in which nothing is to be
     seen yet, is given time: that run is starting.
 
     Raises
     ------
-    BringupError
+    UserError
         When ROS_DOMAIN_ID is no number of a domain, or a run that holds the domain shows no plant.
     """
     chosen = os.environ.get("ROS_DOMAIN_ID", "0")
@@ -127,14 +123,14 @@ def find_or_start(point: str = "med") -> tuple[int, OwnGraph | None]:
         return wanted, None
     try:
         taken = Domain()
-    except BringupError:
+    except UserError:
         if _is_running(wanted, START_S):
             return wanted, None
         raise
     if taken.number != wanted and _is_running(wanted, START_S):
         taken.release()
         return wanted, None
-    return taken.number, OwnGraph(taken, point)
+    return taken.number, PrivateGraph(taken, point)
 
 
 def _is_running(domain: int, patience_s: float) -> bool:

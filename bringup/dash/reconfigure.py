@@ -10,7 +10,7 @@ from ac_experiments.designs import write_designs_of
 from ac_experiments.scenario import check, load
 from ac_experiments.scenario_schema import Scenario
 from ac_plant_node.rest import prepare
-from bringup.launch.launch import ACTIVATION_ORDER
+from bringup.launch.process_table import ACTIVATION_ORDER
 from bringup.nodes.scenario import OFFSETS
 
 
@@ -31,7 +31,7 @@ def scenario_at(given: str, point: str) -> Scenario:
 def reconfigure(names: Iterable[str], domain: int, point: str, scenario: str) -> None:
     """Put a graph at rest at an operating point, without live faults and changes; accommodation stays as switched.
 
-    The plant is stopped first, since it beats time for all; then every node is deactivated, cleaned up, told the point,
+    The plant is stopped first, since it sets the pace; then every node is deactivated, cleaned up, told the point,
     configured, and, when all have found each other, activated, the plant last. A node that is somewhere on that way
     already, because an earlier attempt failed, is taken on from there.
 
@@ -48,7 +48,7 @@ def reconfigure(names: Iterable[str], domain: int, point: str, scenario: str) ->
 
     Raises
     ------
-    BringupError
+    UserError
         One line: which node did not follow, or what is wrong with the scenario.
     """
     from lifecycle_msgs.msg import Transition

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlsplit
 
-from ac_common.errors import BringupError
+from ac_common.errors import UserError
 
 #: Tried first when no port is asked for.
 USUAL_PORT = 5006
@@ -111,7 +111,7 @@ def listen(host: str = "127.0.0.1", port: int = 0) -> Address:
 
     Raises
     ------
-    BringupError
+    UserError
         When the address cannot be had.
     """
     from tornado.netutil import bind_sockets
@@ -123,11 +123,11 @@ def listen(host: str = "127.0.0.1", port: int = 0) -> Address:
             break
         except socket.gaierror:
             msg = f"--host {host}: no address of this machine"
-            raise BringupError(msg) from None
+            raise UserError(msg) from None
         except OSError as problem:
             if tried == 0 or port:
                 msg = f"--host {host} --port {tried}: {os.strerror(problem.errno or 0)}"
-                raise BringupError(msg) from None
+                raise UserError(msg) from None
     bound = int(sockets[0].getsockname()[1])
     token = "" if _is_loopback(host) else secrets.token_urlsafe(24)
     shown = {"0.0.0.0": socket.gethostname(), "::": socket.gethostname()}.get(host, host)

@@ -4,6 +4,7 @@ import random
 from dataclasses import dataclass
 from typing import Literal
 
+from ac_common.errors import UserError
 from ac_common.topics import COMPENSATOR, CONTROLLER, FDI, INJECTOR, RECORDER, SCENARIO
 from ac_experiments.scenario import check
 from ac_experiments.scenario_schema import Scenario
@@ -84,12 +85,12 @@ def plan(seed: int, duration_s: float = 24.0) -> Plan:
 
     Raises
     ------
-    ValueError
+    UserError
         When the duration is too short for anything to happen.
     """
     if not SHORTEST_S <= duration_s <= 3600.0:
         msg = f"a campaign's run of {duration_s:g} s; allowed: {SHORTEST_S:g} to 3600 s"
-        raise ValueError(msg)
+        raise UserError(msg)
     rng = random.Random(f"acftc campaign {seed}")
     last_s = duration_s - END_S
     return Plan(

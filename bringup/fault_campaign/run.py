@@ -2,8 +2,6 @@
 
 import contextlib
 import json
-import os
-import signal
 import sys
 import threading
 import time
@@ -13,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 
-from ac_common.errors import BringupError
+from ac_common.errors import UserError
 from ac_common.files import write_whole
 from ac_common.health import missed_ticks, reported
 from ac_common.topics import BY_NAME, COMPENSATOR, CONTROLLER, INJECTOR, PLANT
@@ -27,7 +26,7 @@ from bringup.benchmarks.figures import host_noise, start_host_noise
 from bringup.fault_campaign.checks import Evidence, Limits, Verdict, judge
 from bringup.fault_campaign.plan import Plan, ProcessFault, plan
 from bringup.launch.launch import GraphRun, run_graph
-from bringup.launch.user_nodes import OwnNodes
+from bringup.launch.user_nodes import UserNodes
 
 COMMAND = BY_NAME["controller/command"]
 REJECTED, MISSING = "rejected/", "missing/"
@@ -56,7 +55,7 @@ def run_seed(seed: int, folder: Path, duration_s: float, progress: Callable[[int
     file = folder / "plan.json"
     content = {"seed": seed, "messages": [asdict(fault) for fault in chosen.messages], "happens": chosen.lines()}
     write_whole(file, json.dumps(content, indent=2) + "\n")
-    own = OwnNodes({INJECTOR: [sys.executable, "-m", "bringup.fault_campaign.lossy_injector", str(file)]})
+    lossy = UserNodes({INJECTOR: [sys.executable, "-m", "bringup.fault_campaign.lossy_injector", str(file)]})
     attacker = Attacker(chosen.processes, folder)
 
     def follow(tick: int, ticks: int) -> None:
@@ -69,9 +68,9 @@ def run_seed(seed: int, folder: Path, duration_s: float, progress: Callable[[int
     probes = start_host_noise(duration_s + 60.0)
     try:
         run = run_graph(
-            chosen.scenario, folder, mode="realtime", progress=follow, own=own, say=lambda _: None, care=True
+            chosen.scenario, folder, mode="realtime", progress=follow, user=lossy, say=lambda _: None, care=True
         )
-    except BringupError as failure:
+    except UserError as failure:
         if not any((folder / "bag").glob("*.mcap")):
             raise  # it has not begun: nothing of the plan is to blame
         problem = str(failure)
@@ -107,30 +106,27 @@ class Attacker:
         for fault in self._faults:
             if self._over.wait(max(started_s + fault.at_s - time.monotonic(), 0.0)):
                 return
-            pid = node_process(fault.node, self._folder)
-            if pid is None:
+            process = node_process(fault.node, self._folder)
+            if process is None:
                 continue
             if fault.kind == "kill":
-                os.kill(pid, signal.SIGKILL)
+                process.kill()
                 continue
-            os.kill(pid, signal.SIGSTOP)
+            process.suspend()
             try:
                 self._over.wait(fault.lasts_s)
             finally:
-                if node_process(fault.node, self._folder) == pid:
-                    os.kill(pid, signal.SIGCONT)
+                with contextlib.suppress(psutil.NoSuchProcess):  # killed meanwhile, as a node that hangs
+                    process.resume()
 
 
-def node_process(node: str, folder: Path) -> int | None:
-    """Process of a node of the run whose results go to `folder`, among the children of this process."""
-    parameters = os.fsencode(folder / "log" / f"{node}.yaml")
-    for pid in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split():
-        try:
-            words = Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
-        except OSError:
-            continue  # gone meanwhile
-        if parameters in words:
-            return int(pid)
+def node_process(node: str, folder: Path) -> psutil.Process | None:
+    """Return the process of a node of the run whose results go to `folder`, among the children of this process."""
+    parameters = str(folder / "log" / f"{node}.yaml")
+    for child in psutil.Process().children():
+        with contextlib.suppress(psutil.Error):  # gone meanwhile
+            if parameters in child.cmdline():
+                return child
     return None
 
 
@@ -186,14 +182,10 @@ def _stand_ins(raw: RawBag) -> list[tuple[float, str, int, int]]:
 
 
 def _left(folder: Path) -> list[str]:
-    """Nodes of the run that are still there, as anybody's children."""
-    files = {os.fsencode(file): file.stem for file in (folder / "log").glob("*.yaml")}
-    found = []
-    for entry in Path("/proc").glob("[0-9]*"):
-        with contextlib.suppress(OSError):  # gone meanwhile
-            words = (entry / "cmdline").read_bytes().split(b"\0")
-            found += [files[word] for word in words if word in files]
-    return sorted(found)
+    """Return the nodes of the run that are still there, as anybody's children."""
+    files = {str(file): file.stem for file in (folder / "log").glob("*.yaml")}
+    lines = [process.info["cmdline"] or [] for process in psutil.process_iter(["cmdline"])]
+    return sorted(files[word] for words in lines for word in words if word in files)
 
 
 def as_dict(outcome: Outcome) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import IO, Any
 
-from ac_common.errors import BringupError
+from ac_common.errors import UserError
 from ac_ros_common.exit_watchdog import STOOD
 from ac_ros_common.process_exit import DISK_FULL, PARENT_VARIABLE, PATIENCE_S
 
@@ -59,7 +59,7 @@ class Domain:
         chosen = os.environ.get("ROS_DOMAIN_ID")
         if chosen is not None and (not chosen.isdecimal() or int(chosen) > 232):
             msg = f"ROS_DOMAIN_ID is {chosen!r}; allowed: 0 to 232"
-            raise BringupError(msg)
+            raise UserError(msg)
         for number in [int(chosen)] if chosen is not None else DOMAINS:
             lock = _lock(number)
             if lock is not None:
@@ -67,7 +67,7 @@ class Domain:
                 return
         which = f"ROS domain {chosen} is" if chosen is not None else "all ROS domains are"
         msg = f"{which} in use by another run on this machine; wait for it or set ROS_DOMAIN_ID to a free one"
-        raise BringupError(msg)
+        raise UserError(msg)
 
     def release(self) -> None:
         """Let others have the domain."""

@@ -7,16 +7,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ac_common.design_file import ATTACHMENT, DESIGNED
-from ac_common.errors import BringupError, RunError
-from ac_common.topics import PLANT, RECORDER, TOPICS, Topic
+from ac_common.design_file import ATTACHMENT
+from ac_common.errors import RunError, UserError
+from ac_common.topics import PLANT, TOPICS, Topic
 from ac_common.wire import restamped, stamp_ns
 from ac_experiments.bags.reader import RawBag, decode, loop_messages, read_raw, run_of
 from ac_experiments.designs import write_designs_of
 from ac_experiments.scenario_schema import Scenario
 from ac_experiments.versions import plant, same_plant
-from bringup.launch.launch import node_arguments, node_parameters
-from bringup.launch.node_modules import MODULES
+from bringup.launch.node_parameters import node_arguments, node_parameters
+from bringup.launch.process_table import LOOP_NODES, PROCESSES
 from bringup.launch.processes import Child, Domain, ros_environment, start, stop
 
 #: Largest relative difference that counts as rounding of another processor.
@@ -25,8 +25,6 @@ RELATIVE_TOLERANCE = 1e-9
 PATIENCE_S = 10.0
 #: Differences that are described one by one.
 MOST_SHOWN = 20
-
-REPLAYABLE = tuple(name for name in MODULES if name != RECORDER)
 
 
 @dataclass
@@ -82,28 +80,28 @@ def replay(
 
     Raises
     ------
-    BringupError
+    UserError
         One line: no such node, no such bag, or why the node did not answer.
     """
-    if node not in REPLAYABLE:
-        msg = f"no node {node!r} can be replayed; allowed: {', '.join(REPLAYABLE)}"
-        raise BringupError(msg)
+    if node not in LOOP_NODES:
+        msg = f"no node {node!r} can be replayed; allowed: {', '.join(LOOP_NODES)}"
+        raise UserError(msg)
     raw = read_raw(bag)
     run, scenario = run_of(raw, bag)
     if not same_plant(run.get("software", {})):
         msg = f"{bag}: recorded with the plant {run['software']['plant']}, in use is {plant()}; give it with --plant"
-        raise BringupError(msg)
+        raise UserError(msg)
     ticks = _by_tick(raw, node)
     domain = Domain()
     try:
         environment = {**ros_environment(), "ROS_DOMAIN_ID": str(domain.number)}
         with tempfile.TemporaryDirectory(prefix="acftc-replay-") as folder:
-            own = {
+            given = {
                 **_parameters(scenario, run["passive"], node, Path(folder)),
                 **_design(raw, scenario, node, Path(folder)),
                 **(parameters or {}),
             }
-            arguments = node_arguments(MODULES[node], node, own, Path(folder))
+            arguments = node_arguments(node, given, Path(folder))
             child = start(node, arguments, Path(folder), environment)
             try:
                 return _feed(child, environment, ticks, progress)
@@ -114,14 +112,17 @@ def replay(
 
 
 def _parameters(scenario: Scenario, passive: bool, node: str, folder: Path) -> dict[str, Any]:
-    own = node_parameters(scenario, folder, "lockstep", passive)[node]
-    changes: dict[str, Any] = {PLANT: {"ticks": 0}, **{key: {"design_copy": ""} for key in DESIGNED}}
-    return {**own, **changes.get(node, {})}
+    given = node_parameters(scenario, folder, "lockstep", passive)[node]
+    if node == PLANT:
+        given["ticks"] = 0
+    if PROCESSES[node].has_design:
+        given["design_copy"] = ""
+    return given
 
 
 def _design(raw: RawBag, scenario: Scenario, node: str, folder: Path) -> dict[str, Any]:
     """The design of the recorded run as a parameter: another machine's synthesis would round differently."""
-    if node not in DESIGNED:
+    if not PROCESSES[node].has_design:
         return {}
     content = raw.attachments.get(ATTACHMENT.format(node))
     if content is None:

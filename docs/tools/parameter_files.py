@@ -6,24 +6,23 @@
 from collections.abc import Sequence
 from importlib import import_module
 
-import yaml
-
+from ac_common.yaml_file import yaml_text
 from ac_ros_common.parameters import COMMON, Parameter
-from bringup.launch.node_modules import MODULES, module_of, parameter_file
+from bringup.launch.process_table import PROCESSES
 
 
 def text(name: str) -> str:
     """Return the content of a node's parameter file: every parameter with default, meaning and allowed values."""
-    declared: Sequence[Parameter] = (*COMMON, *import_module(module_of(MODULES[name])).PARAMETERS)
+    declared: Sequence[Parameter] = (*COMMON, *import_module(PROCESSES[name].class_module).PARAMETERS)
     lines = [
         f"# Parameters of the node `{name}` and their defaults. Use:",
-        f"#   python -m {MODULES[name]} --ros-args --params-file {parameter_file(MODULES[name]).name}",
+        f"#   python -m {PROCESSES[name].module} --ros-args --params-file {PROCESSES[name].parameter_file.name}",
         "/**:",
         "  ros__parameters:",
     ]
     for parameter in declared:
         lines.append(f"    # {parameter.description}{_allowed(parameter)}")
-        value = yaml.safe_dump(parameter.default, default_flow_style=True).strip().removesuffix("...").strip()
+        value = yaml_text(parameter.default, flow=True).strip().removesuffix("...").strip()
         lines.append(f"    {parameter.name}: {value}")
     return "\n".join(lines) + "\n"
 
@@ -38,8 +37,8 @@ def _allowed(parameter: Parameter) -> str:
 
 def main() -> None:
     """Write all parameter files."""
-    for name in MODULES:
-        parameter_file(MODULES[name]).write_text(text(name), encoding="utf-8")
+    for name in PROCESSES:
+        PROCESSES[name].parameter_file.write_text(text(name), encoding="utf-8")
 
 
 if __name__ == "__main__":

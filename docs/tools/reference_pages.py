@@ -14,7 +14,7 @@ from ac_common.topics import DIAGNOSTICS, JOINT_FIELD, JOINTS, NAMESPACE, PRESSU
 from ac_common.wire import pack_status, read_diagnostics
 from ac_ros_common.loop_node import DEADLINE_S, DEPTH
 from ac_ros_common.parameters import COMMON, Parameter
-from bringup.launch.node_modules import MODULES, module_of
+from bringup.launch.process_table import PROCESSES
 from docs.tools import scenario_reference
 
 FOLDER = Path(__file__).parents[2] / "docs" / "reference"
@@ -129,9 +129,9 @@ def parameters_page() -> str:
         "",
         *_table(COMMON),
     ]
-    for name, start in MODULES.items():
-        declared: Sequence[Parameter] = import_module(module_of(start)).PARAMETERS
-        parts += ["", f"## `{name}`", "", f"`python -m {start}`", "", *_table(declared)]
+    for name, process in PROCESSES.items():
+        declared: Sequence[Parameter] = import_module(process.class_module).PARAMETERS
+        parts += ["", f"## `{name}`", "", f"`python -m {process.module}`", "", *_table(declared)]
     return "\n".join([*parts, ""])
 
 

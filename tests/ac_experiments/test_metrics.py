@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from ac_common.errors import BringupError
+from ac_common.errors import UserError
 from ac_common.units import KPA, RPM
 from ac_experiments.metrics import summarise, write_summary
 from ac_experiments.recording import Recording
@@ -143,5 +143,5 @@ def test_a_recording_cut_short_is_summarised_as_far_as_it_goes(recording_of: Mak
 def test_an_empty_recording_is_refused(recording_of: Make):
     whole = recording_of()
     empty = Recording(whole.time_s[:0], {key: values[:0] for key, values in whole.series.items()}, [], whole.metadata)
-    with pytest.raises(BringupError, match="no tick"):
+    with pytest.raises(UserError, match="no tick"):
         summarise(empty)

@@ -20,7 +20,7 @@ from ac_experiments.report.nodes import Report, events_of, health_charts
 from ac_experiments.report.page import render, write_report
 from ac_experiments.scenario import load
 from ac_experiments.simulate import simulate
-from ac_experiments.versions import software
+from ac_experiments.versions import versions
 from ac_plant_node.parameters.file import PLANT_VARIABLE
 from bringup.commands.outcome import companion
 
@@ -171,7 +171,7 @@ def test_no_passive_run_of_another_plant_beside_it(
 ) -> None:
     """The companion would be simulated with the plant in use now; it is left out when the recording had another."""
     run = recording_of(duration_s=12.0, faults=[{**SENSOR, "onset_s": 5.0}])
-    run.metadata["software"] = software()
+    run.metadata["software"] = versions()
     beside, _ = companion(run)
     assert beside is not None
     other = tmp_path / "heavy.yaml"
@@ -180,7 +180,7 @@ def test_no_passive_run_of_another_plant_beside_it(
     beside, note = companion(run)
     assert beside is None
     assert "recorded with another plant, which `acftc --plant FILE` names" in note
-    run.metadata["software"] = software()
+    run.metadata["software"] = versions()
     assert run.metadata["software"]["plant"].startswith("heavy.yaml ")
     monkeypatch.delenv(PLANT_VARIABLE)
     assert companion(run) == (None, note)

@@ -6,13 +6,13 @@ from tempfile import NamedTemporaryFile
 
 import numpy as np
 import pytest
-import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from ac_common.errors import BringupError
+from ac_common.errors import UserError
 from ac_common.fault_profiles import PROFILES, unit_profile
 from ac_common.units import KPA, RPM
+from ac_common.yaml_file import yaml_text
 from ac_experiments.scenario import built_in_scenarios, check, load, program, to_yaml
 from ac_experiments.scenario_schema import Scenario
 from fault_injector_node.live import LiveFault, Shape
@@ -22,7 +22,7 @@ OUTPUTS = np.array([251.2e3, 20.0, 15.0, 1.33e6])
 
 
 def error_of(*overrides: str, name: str = "both_faults") -> str:
-    with pytest.raises(BringupError) as caught:
+    with pytest.raises(UserError) as caught:
         load(name, overrides)
     line = str(caught.value)
     assert "\n" not in line
@@ -151,7 +151,7 @@ def test_a_bad_file_gets_one_line_that_names_it(tmp_path: Path):
     for name, (content, words) in cases.items():
         path = tmp_path / name
         path.write_bytes(content)
-        with pytest.raises(BringupError) as caught:
+        with pytest.raises(UserError) as caught:
             load(path)
         assert str(path) in str(caught.value)
         assert words in str(caught.value)
@@ -182,7 +182,7 @@ def attempt(call: Callable[..., Scenario], argument: object) -> tuple[Scenario |
     """Scenario or error line; any other exception passes through and fails the test."""
     try:
         return call(argument), ""
-    except BringupError as problem:
+    except UserError as problem:
         return None, str(problem)
 
 
@@ -255,7 +255,7 @@ def test_profiles_have_the_size_that_is_said():
 
 def test_yaml_numbers_with_an_exponent_are_numbers(tmp_path: Path):
     path = tmp_path / "s.yaml"
-    path.write_text(yaml.safe_dump({"name": "s"}) + "duration_s: 1e2\n")
+    path.write_text(yaml_text({"name": "s"}) + "duration_s: 1e2\n")
     assert load(path).duration_s == 100.0
 
 
@@ -278,7 +278,7 @@ def test_the_reference_page_is_that_of_the_schema():
     ],
 )
 def test_a_wrong_setting_says_what_is_allowed(override: str, words: list[str]):
-    with pytest.raises(BringupError) as refused:
+    with pytest.raises(UserError) as refused:
         load("nominal", [override])
     for word in words:
         assert word in str(refused.value)

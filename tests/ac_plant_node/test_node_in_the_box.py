@@ -12,8 +12,7 @@ from ac_common.topics import BY_NAME, PLANT
 from ac_common.wire import columns, packer
 from ac_plant_node import Plant
 from ac_plant_node.dynamics.balances import INPUT_HIGH, INPUT_LOW
-from bringup.launch.launch import node_arguments
-from bringup.launch.node_modules import MODULES
+from bringup.launch.node_parameters import node_arguments
 from bringup.launch.processes import Domain, ros_environment, start, stop
 from bringup.launch.supervisor import Supervisor
 from bringup.replay.feeder import Feeder
@@ -70,7 +69,7 @@ def loop() -> Iterator[Loop]:
     environment = {**ros_environment(), "ROS_DOMAIN_ID": str(domain.number)}
     with tempfile.TemporaryDirectory() as folder:
         own = {"operating_point": "med", "sample_time_s": SAMPLE_TIME_S, "mode": "lockstep"}
-        child = start(PLANT, node_arguments(MODULES[PLANT], PLANT, own, Path(folder)), Path(folder), environment)
+        child = start(PLANT, node_arguments(PLANT, own, Path(folder)), Path(folder), environment)
         try:
             with Supervisor({PLANT: child}, environment) as supervisor:
                 feeder = Feeder(supervisor, PLANT)

@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 
 import pytest
-import yaml
 
+from ac_common.yaml_file import parsed, yaml_text
 from ac_plant_node import TABLE_I, calibrate, load_parameters, load_points
 from ac_plant_node.calibration import row_inputs
 from ac_plant_node.equilibrium import equilibrium
@@ -18,12 +18,12 @@ from ac_plant_node.parameters.values import NAMES
 
 # The two files that docs/plant.md shows.
 DOCS = (Path(__file__).parents[2] / "docs" / "plant.md").read_text(encoding="utf-8")
-TABLE, CAR = (yaml.safe_load(block) for block in re.findall(r"^```yaml\n(.*?)^```", DOCS, re.MULTILINE | re.DOTALL))
+TABLE, CAR = (parsed(block, "docs") for block in re.findall(r"^```yaml\n(.*?)^```", DOCS, re.MULTILINE | re.DOTALL))
 POINTS = TABLE["points"]
 
 
 def write(path, content):
-    path.write_text(yaml.safe_dump(content))
+    path.write_text(yaml_text(content))
     return path
 
 

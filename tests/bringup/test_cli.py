@@ -13,7 +13,6 @@ from unittest.mock import patch
 
 import click
 import click.shell_completion
-import numpy as np
 import pytest
 
 import bringup.commands
@@ -55,7 +54,7 @@ def test_every_command_has_help_with_an_example():
     context = click.Context(cli)
     commands = {name: cli.get_command(context, name) for name in cli.list_commands(context)}
     folder = Path(bringup.commands.__file__).parent
-    helpers = {"__init__", "options", "outcome"}
+    helpers = {"__init__", "console", "options", "outcome", "topic_watch"}
     assert set(commands) == {module.stem for module in folder.glob("*.py")} - helpers
     for name, command in commands.items():
         assert command is not None
@@ -154,16 +153,51 @@ bringup.cli.main(["boom"])
     assert "Traceback" in log.read_text()
 
 
-def test_a_value_error_of_our_own_code_is_the_users_and_one_of_numpy_is_not():
-    from ac_common.fault_profiles import unit_profile
-    from bringup.cli import _meant_for_the_user
+@pytest.mark.parametrize("problem", ["ValueError('deep inside')", "gimc.SynthesisError('not stabilisable')"])
+def test_a_value_error_that_was_not_written_for_the_user_is_a_mistake_of_ours(problem: str, tmp_path: Path):
+    probe = f"""
+import gimc
+import bringup.cli
 
-    with pytest.raises(ValueError, match="unknown") as ours:
-        unit_profile(np.arange(3.0), "sudden", 0.0)
-    with pytest.raises(ValueError, match="broadcast") as numpys:
-        unit_profile(np.ones(3), "step", np.ones(2))  # type: ignore[arg-type]
-    assert _meant_for_the_user(ours.value)
-    assert not _meant_for_the_user(numpys.value)
+@bringup.cli.cli.command()
+def boom():
+    raise {problem}
+
+bringup.cli.main(["boom"])
+"""
+    result = subprocess.run(
+        [sys.executable, "-c", probe], capture_output=True, text=True, check=False, env={"TMPDIR": str(tmp_path)}
+    )
+    assert_one_line(result, 1, "unexpected error", "Error: ")
+
+
+def test_what_the_packages_refuse_is_one_line_with_the_code_of_bad_input(tmp_path: Path):
+    car = tmp_path / "car.yaml"
+    car.write_text("refrigerant: R134a\nn_e: {value: fast}\n")
+    assert_one_line(acftc("--plant", str(car), "equilibria"), 2, str(car))
+    cycle = tmp_path / "cycle.csv"
+    cycle.write_text("time,speed (mph)\n0,1\n")
+    drive = f"air={{drive_cycle: {{file: {cycle}}}}}"
+    assert_one_line(acftc("simulate", "nominal", "--set", drive, "--out", str(tmp_path / "out")), 2, "two lines")
+    points = tmp_path / "points.yaml"
+    points.write_text("points: [{name: low}]\n")
+    assert_one_line(acftc("calibrate", "--points", str(points)), 2, str(points))
+    assert_one_line(acftc("campaign", "--seed", "1", "--duration", "3"), 2, "allowed: 12 to 3600 s")
+
+
+def test_a_synthesis_that_fails_names_the_design(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    import ac_design.controller
+    import gimc
+    from ac_common.errors import UserError
+    from ac_design import design_controller
+
+    def refuse(*_: object) -> None:
+        raise gimc.SynthesisError("not stabilisable")
+
+    monkeypatch.setenv("ACFTC_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(ac_design.controller, "synthesise", refuse)
+    with pytest.raises(UserError, match="design of the controller at med: not stabilisable"):
+        design_controller("med", 0.1)
 
 
 def test_equilibria_stand_beside_table_i():

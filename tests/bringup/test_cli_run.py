@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 
 from ac_common.topics import SERIES
@@ -40,14 +41,11 @@ def marked() -> Iterator[tuple[dict[str, str], str]]:
 
 
 def left_over(mark: str) -> list[str]:
-    found = []
-    for process in Path("/proc").glob("[0-9]*"):
-        try:
-            if mark.encode() in (process / "environ").read_bytes():
-                found.append((process / "cmdline").read_bytes().replace(b"\0", b" ").decode())
-        except OSError:
-            continue
-    return found
+    return [
+        " ".join(process.info["cmdline"] or [])
+        for process in psutil.process_iter(["cmdline", "environ"])
+        if mark in (process.info["environ"] or {}).values()
+    ]
 
 
 def acftc(*arguments: str, environment: dict[str, str]) -> subprocess.Popen[str]:

@@ -8,8 +8,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-import yaml
 
+from ac_common.yaml_file import parsed
 from docs.tools.reproduction_page import FOLDER, PAGE, text
 
 ROOT = Path(__file__).parents[2]
@@ -77,7 +77,7 @@ def test_reproduction_page_is_that_of_its_figures() -> None:
 
 
 def test_citation_agrees_with_the_project() -> None:
-    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    citation = parsed((ROOT / "CITATION.cff").read_text(encoding="utf-8"), "CITATION.cff")
     assert citation["version"] == VERSION
     assert citation["license"] == "Apache-2.0"
     assert {"cff-version", "message", "title", "authors"} <= set(citation)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ac_common.errors import BringupError
+from ac_common.errors import UserError
 from ac_common.units import KPA, RPM
 from ac_design import design_fdi as design
 from ac_experiments.metrics import summarise
@@ -22,7 +22,7 @@ def test_a_detector_that_joins_begins_without_an_innovation(sensors: int) -> Non
 
 
 def test_the_compensator_does_not_act_with_two_sensors() -> None:
-    with pytest.raises(BringupError, match="sensors: 2 needs passive: true"):
+    with pytest.raises(UserError, match="sensors: 2 needs passive: true"):
         load("isolation", ["passive=false"])
     with pytest.raises(ValueError, match="sensors: 2 needs passive: true"):
         simulate(load("isolation"), passive=False)

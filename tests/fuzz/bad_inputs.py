@@ -40,8 +40,8 @@ from ac_experiments.scenario import BUILT_IN, load, program
 from ac_plant_node import load_parameters
 from ac_plant_node.drive_cycle import load_drive_cycle
 from bringup import cli
-from bringup.launch.node_modules import MODULES, parameter_file
-from bringup.launch.user_nodes import own_nodes
+from bringup.launch.process_table import PROCESSES
+from bringup.launch.user_nodes import user_nodes
 from bringup.replay.replay import _by_tick, _design, _parameters
 
 #: An input that takes longer has made its reader hang, s.
@@ -107,7 +107,7 @@ def read_recording(file: Path) -> None:
     run, scenario = run_of(raw, file)
     with tempfile.TemporaryDirectory() as folder:
         _parameters(scenario, run["passive"], FDI, Path(folder))
-        _design(raw, FDI, Path(folder))
+        _design(raw, scenario, FDI, Path(folder))
 
 
 def read_design(file: Path) -> None:
@@ -175,15 +175,15 @@ def _design_file() -> bytes:
 
 @cache
 def _plant_parameters() -> str:
-    import ac_plant_node
+    import ac_plant_node.parameters
 
-    return Path(ac_plant_node.__file__).with_name("parameters.yaml").read_text()
+    return Path(ac_plant_node.parameters.__file__).with_name("parameters.yaml").read_text()
 
 
 _CYCLE = "Test cycle\ntime,speed (mph)\n" + "".join(f"{t},{t % 50}\n" for t in range(60))
 _OWN_PARAMETERS = """
-/ac/fdi: {ros__parameters: {sensors: 3, design_file: mine.npz, memory_file: ""}}
-/ac/gimc_controller: {ros__parameters: {protection: {release_s: 20.0, lowest_superheat_k: 2.0}, controller: paper}}
+/ac/fdi: {ros__parameters: {design_file: mine.npz, memory_file: ""}}
+/ac/gimc_controller: {ros__parameters: {protection: {release_s: 20.0, lowest_superheat_k: 2.0}}}
 """
 _OVERRIDES = ("faults.0.size_rpm=60", "duration_s=20", "references.superheat_k.0.to=1", "noise={seed: 3}", "name=x")
 
@@ -193,7 +193,7 @@ def _spoiled_override(rng: random.Random) -> bytes:
 
 
 def _spoiled_node_file(rng: random.Random) -> bytes:
-    return spoiled_yaml(parameter_file(MODULES[FDI]).read_text(), rng)
+    return spoiled_yaml(PROCESSES[FDI].parameter_file.read_text(), rng)
 
 
 KINDS = {
@@ -212,7 +212,7 @@ KINDS = {
         ),
         Kind("node", ".yaml", _spoiled_node_file, read_node_parameters),
         Kind(
-            "params", ".yaml", lambda rng: spoiled_yaml(_OWN_PARAMETERS, rng), lambda file: own_nodes(params_file=file)
+            "params", ".yaml", lambda rng: spoiled_yaml(_OWN_PARAMETERS, rng), lambda file: user_nodes(params_file=file)
         ),
     )
 }

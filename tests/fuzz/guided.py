@@ -17,8 +17,8 @@ from pathlib import Path
 
 import atheris
 
-with atheris.instrument_imports(include=["bringup", "yaml"]):
-    from ac_common.errors import BringupError
+with atheris.instrument_imports(include=["ac_common", "ac_experiments", "ac_ros_common", "ruamel"]):
+    from ac_common.errors import UserError
     from ac_common.fdi_status import StatusRow, status_row
     from ac_common.topics import DIAGNOSTICS, TOPICS
     from ac_common.wire import columns, packer, read_diagnostics
@@ -64,7 +64,7 @@ def check_scenario(data: bytes) -> None:
     file.write_bytes(data)
     try:
         scenario = load(file)
-    except BringupError as problem:
+    except UserError as problem:
         if "\n" in str(problem) or len(str(problem)) > 1000:
             raise RuntimeError("not one clear line") from problem
         return

@@ -8,8 +8,9 @@ from io import BytesIO
 from typing import Any
 
 import numpy as np
-import yaml
 import zstandard
+
+from ac_common.yaml_file import parsed, yaml_text
 
 #: Values that a careless or malicious author might put anywhere.
 NASTY: tuple[Any, ...] = (
@@ -66,8 +67,8 @@ def spoiled_yaml(text: str, rng: random.Random) -> bytes:
     if kind < 0.45:
         return spoiled_text(text, rng).encode("utf-8", "surrogatepass")
     if kind < 0.9:
-        tree = spoiled_tree(yaml.safe_load(text), rng)
-        return yaml.safe_dump(tree, allow_unicode=rng.random() < 0.5).encode("utf-8", "surrogatepass")
+        tree = spoiled_tree(parsed(text, "good"), rng)
+        return yaml_text(tree).encode("utf-8", "surrogatepass")
     return spoiled_bytes(text.encode(), rng)
 
 

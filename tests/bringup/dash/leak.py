@@ -9,8 +9,9 @@ comes in the first five and is no leak; the last line compares the end with the 
 import argparse
 import os
 import time
-from pathlib import Path
 from typing import Any
+
+import psutil
 
 from bringup.dash.rows import WINDOW_S
 from tests.live_browser import acftc, new_page, newest, started_browser, until
@@ -22,13 +23,13 @@ SETTLED_S = WINDOW_S + 60.0
 
 def resident(process: int) -> float:
     """Memory of a process in the machine's, MB."""
-    return int(Path(f"/proc/{process}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / MB
+    return psutil.Process(process).memory_info().rss / MB
 
 
 def processor_s(process: int) -> float:
     """Processor time that a process has had, s."""
-    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    used = psutil.Process(process).cpu_times()
+    return used.user + used.system
 
 
 def metrics(session: Any) -> dict[str, float]:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from ac_common.errors import BringupError
+from ac_common.errors import UserError
 from bringup.dash.server import Address, Door, listen, start_beside
 
 LOCAL = Door(5006)
@@ -65,11 +65,11 @@ def test_what_cannot_be_bound_is_said_in_one_line() -> None:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        with pytest.raises(BringupError, match=f"--port {port}: Address already in use"):
+        with pytest.raises(UserError, match=f"--port {port}: Address already in use"):
             listen("127.0.0.1", port)
-    with pytest.raises(BringupError, match="no address of this machine"):
+    with pytest.raises(UserError, match="no address of this machine"):
         listen("no.such.host.invalid")
-    with pytest.raises(BringupError, match="--host 192"):
+    with pytest.raises(UserError, match="--host 192"):
         listen("192.0.2.1")
 
 

@@ -1,13 +1,11 @@
 """The live page in a real browser beside a real graph: click, and see what comes of it."""
 
 import math
-import os
 import re
-import signal
 from collections.abc import Iterator
-from pathlib import Path
 from urllib.parse import urlsplit
 
+import psutil
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
@@ -129,11 +127,9 @@ def test_a_paused_loop_stands_still_and_goes_on(page: Page) -> None:
 
 
 def kill(page: Page, module: str) -> None:
-    """End a node of the page's own graph as the out-of-memory killer would."""
-    tasks = Path(f"/proc/{page.server}/task").glob("*/children")  # a child belongs to the thread that has started it
-    children = [pid for task in tasks for pid in task.read_text().split()]
-    (pid,) = [pid for pid in children if module in Path(f"/proc/{pid}/cmdline").read_text().split("\0")]
-    os.kill(int(pid), signal.SIGKILL)
+    """End a node of the page's private graph as the out-of-memory killer would."""
+    (child,) = [child for child in psutil.Process(page.server).children() if module in child.cmdline()]
+    child.kill()
 
 
 def test_a_dead_node_is_started_again_and_the_page_says_so(page: Page) -> None:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from ac_common.errors import BringupError
+from ac_common.errors import UserError
 from ac_common.health import Restart
 from ac_common.topics import BY_NAME, COMPENSATOR, CONTROLLER, FDI, RECORDER
 from ac_ros_common.messages import BadMessage, message_class, message_reader
@@ -214,7 +214,7 @@ def test_a_jump_across_a_gap_may_be_as_large_as_the_gap_is_long() -> None:
 
 def test_a_run_that_cannot_begin_is_no_broken_promise(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", "none")
-    with pytest.raises(BringupError, match="ROS_DOMAIN_ID"):
+    with pytest.raises(UserError, match="ROS_DOMAIN_ID"):
         run_seed(1, tmp_path / "seed", 18.0)
 
 

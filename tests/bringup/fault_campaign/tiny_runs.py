@@ -8,12 +8,13 @@ Prints what the process holds now and then, as a table. Exit code 1 when somethi
 
 import argparse
 import gc
-import os
 import sys
 import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
+
+import psutil
 
 from ac_experiments.bags.reader import read_bag
 from ac_experiments.metrics import summarise, write_summary
@@ -48,13 +49,13 @@ class Held:
         until = time.monotonic() + LET_GO_S
         while held_segments() and time.monotonic() < until:
             time.sleep(0.05)  # nothing announces it
-        children = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
+        this = psutil.Process()
         return cls(
             runs=runs,
-            memory_mb=int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20,
-            files=len(list(Path("/proc/self/fd").iterdir())),
-            threads=len(list(Path("/proc/self/task").iterdir())),
-            children=len(children),
+            memory_mb=this.memory_info().rss / 2**20,
+            files=this.num_fds(),
+            threads=this.num_threads(),
+            children=len(this.children()),
             shared=len(held_segments()),
         )
 

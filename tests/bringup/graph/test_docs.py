@@ -7,7 +7,7 @@ from pathlib import Path
 from ac_common.fault_profiles import PROFILES
 from ac_common.topics import BY_NAME
 from ac_ros_common.parameters import Parameter
-from bringup.launch.node_modules import MODULES
+from bringup.launch.process_table import PROCESSES
 from fault_injector_node.node import PARAMETERS
 
 TEXT = (Path(__file__).parents[3] / "docs" / "ros2.md").read_text(encoding="utf-8")
@@ -21,9 +21,9 @@ def test_topics_exist() -> None:
 
 def test_nodes_and_modules_exist() -> None:
     table = dict(re.findall(r"^\| `(\w+)` \| `python -m ([\w.]+)", TEXT, flags=re.MULTILINE))
-    assert table == MODULES
+    assert table == {name: process.module for name, process in PROCESSES.items()}
     assert all(find_spec(module) for module in table.values())
-    assert set(re.findall(r"/ac/(\w+)$", TEXT, flags=re.MULTILINE)) <= set(MODULES)
+    assert set(re.findall(r"/ac/(\w+)$", TEXT, flags=re.MULTILINE)) <= set(PROCESSES)
 
 
 def test_parameters_and_profiles_exist() -> None:

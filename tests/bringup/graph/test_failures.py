@@ -7,17 +7,18 @@ import sys
 import time
 from pathlib import Path
 
+import psutil
 import pytest
 from rosbags.highlevel import AnyReader
 
-from ac_common.errors import BringupError, RunError
+from ac_common.errors import RunError, UserError
 from ac_experiments.bags.reader import read_bag
 from ac_experiments.scenario import load
 from ac_experiments.scenario_schema import Scenario
-from bringup.launch import supervisor
+from bringup.launch import run_end
 from bringup.launch.launch import _prepare, run_graph
 from bringup.launch.processes import Domain, ros_environment, start, stop
-from bringup.launch.user_nodes import own_nodes
+from bringup.launch.user_nodes import user_nodes
 from tests.processes import processes_that_mention
 
 pytestmark = pytest.mark.ros
@@ -25,12 +26,12 @@ pytestmark = pytest.mark.ros
 #: Runs a scenario that would take minutes, and says on stdout when the loop runs.
 RUNNER = """
 import sys
-from ac_common.errors import BringupError
+from ac_common.errors import UserError
 from bringup.launch.launch import run_graph
 from ac_experiments.scenario import load
 try:
     run_graph(load("nominal"), sys.argv[1], progress=lambda done, ticks: print("tick", done, flush=True))
-except BringupError as problem:
+except UserError as problem:
     sys.exit(str(problem))
 """
 
@@ -177,12 +178,12 @@ sys.exit(run_node(Broken))
 def test_lockstep_that_stands_still_is_given_up_and_says_what_was_refused(
     scenario: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(supervisor, "STUCK_S", 6.0)
+    monkeypatch.setattr(run_end, "STUCK_S", 6.0)
     broken = tmp_path / "broken.py"
     broken.write_text(BROKEN_FDI)
     said = r"the loop has stood still at tick 0 for 6 s; compensator refused 1 messages, the last: .*superheat.* finite"
     with pytest.raises(RunError, match=said):
-        run_graph(scenario, tmp_path / "out", own=own_nodes([f"fdi={sys.executable} {broken}"]))
+        run_graph(scenario, tmp_path / "out", user=user_nodes([f"fdi={sys.executable} {broken}"]))
     assert not processes_that_mention(str(tmp_path))
 
 
@@ -241,7 +242,7 @@ def test_full_disk_is_the_recorders_clear_line(tmp_path: Path) -> None:
 
 def test_folder_that_cannot_be_written(scenario: Scenario, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(BringupError, match="cannot be written"):
+    with pytest.raises(UserError, match="cannot be written"):
         run_graph(scenario, tmp_path / "file" / "out")
 
 
@@ -256,22 +257,22 @@ def test_two_runs_at_once_get_domains_of_their_own(monkeypatch: pytest.MonkeyPat
 @pytest.mark.parametrize("number", ["233", "-1", "zero"])
 def test_domain_that_cannot_be_is_refused(number: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", number)
-    with pytest.raises(BringupError, match="allowed: 0 to 232"):
+    with pytest.raises(UserError, match="allowed: 0 to 232"):
         Domain()
 
 
 def test_domain_in_use_is_refused(scenario: Scenario, tmp_path: Path) -> None:
     mine = Domain()
     try:
-        with pytest.raises(BringupError, match="in use by another run"):
+        with pytest.raises(UserError, match="in use by another run"):
             run_graph(scenario, tmp_path)
     finally:
         mine.release()
 
 
 def child_pids() -> list[int]:
-    return [int(pid) for pid in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()]
+    return [child.pid for child in psutil.Process().children()]
 
 
 def command_line(pid: int) -> str:
-    return Path(f"/proc/{pid}/cmdline").read_bytes().decode().replace("\0", " ")
+    return " ".join(psutil.Process(pid).cmdline())

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rclpy
-import yaml
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rclpy.duration import Duration
@@ -15,6 +14,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rosbags.highlevel import AnyReader
 
 from ac_common.topics import BY_NAME, NAMESPACE, TOPICS
+from ac_common.yaml_file import parsed
 from ac_experiments.bags.reader import read_bag, read_raw
 from ac_ros_common.loop_node import LOOP_QOS
 from ac_ros_common.messages import message_class
@@ -45,7 +45,7 @@ def test_foxgloves_decoder_reads_every_message(run: GraphRun) -> None:
 
 def offered_qos(bag: Path, topic: str) -> QoSProfile:
     """QoS with which `ros2 bag play` would publish a topic: what the bag's metadata says was offered."""
-    content = yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    content = parsed((bag / "metadata.yaml").read_text(), "metadata")["rosbag2_bagfile_information"]
     (found,) = (
         entry["topic_metadata"]
         for entry in content["topics_with_message_count"]

@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
-from ac_common.errors import BringupError
+from ac_common.errors import UserError
 from ac_common.fdi_status import StatusRow, status_row
 from ac_common.topics import BY_NAME, DIAGNOSTICS, TOPICS
 from ac_common.wire import pack_status, packer, read_diagnostics, stamp_ns
@@ -203,7 +203,7 @@ def test_flipped_bit_is_noticed(small_bag, tmp_path):
         flipped.write_bytes(content[:at] + bytes([content[at] ^ 0x10]) + content[at + 1 :])
         try:
             raw = read_raw(flipped)
-        except BringupError:
+        except UserError:
             noticed += 1
             continue
         assert raw.messages == read_raw(small_bag).messages or not raw.complete
@@ -224,15 +224,15 @@ def test_bag_cut_anywhere_gives_what_was_flushed_before(small_bag, tmp_path, sha
         recording = read_bag(part)
         assert recording.series["plant/evaporator_pressure"].tolist() == [k + 0.5 for k in range(len(recording.time_s))]
     else:
-        with pytest.raises(BringupError, match="holds no run"):
+        with pytest.raises(UserError, match="holds no run"):
             read_bag(part)
 
 
 def test_what_is_no_bag_is_refused(tmp_path: Path):
-    with pytest.raises(BringupError, match="no such bag"):
+    with pytest.raises(UserError, match="no such bag"):
         read_bag(tmp_path / "nothing")
-    with pytest.raises(BringupError, match="no bag in this folder"):
+    with pytest.raises(UserError, match="no bag in this folder"):
         read_bag(tmp_path)
     (tmp_path / "text.mcap").write_text(json.dumps({"no": "bag"}) * 10)
-    with pytest.raises(BringupError, match="not a readable MCAP file"):
+    with pytest.raises(UserError, match="not a readable MCAP file"):
         read_bag(tmp_path / "text.mcap")

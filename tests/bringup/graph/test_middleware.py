@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from ac_common.topics import FDI
-from bringup.launch.node_modules import MODULES
+from bringup.launch.process_table import PROCESSES
 from bringup.launch.processes import FASTDDS_PROFILE, FASTDDS_THIS_HOST, ros_environment, start, stop
 from bringup.launch.supervisor import Supervisor
 
@@ -93,7 +93,7 @@ def test_node_uses_no_shared_memory_and_foreign_nodes_find_it(tmp_path: Path, mo
     for name in NAMES:
         monkeypatch.delenv(name, raising=False)
     strangers = dict(os.environ)  # before ours is in it
-    child = start(FDI, ["-m", MODULES[FDI], "--ros-args", "-r", "__ns:=/ac"], tmp_path, ros_environment())
+    child = start(FDI, ["-m", PROCESSES[FDI].module, "--ros-args", "-r", "__ns:=/ac"], tmp_path, ros_environment())
     try:
         with Supervisor({FDI: child}, ros_environment()) as supervisor:
             supervisor.wait_for({FDI: "active"})
@@ -114,7 +114,7 @@ def test_where_a_node_has_shared_memory_it_takes_it_along(tmp_path: Path, monkey
     for name in NAMES:
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv(RANGE, "SUBNET")
-    child = start(FDI, ["-m", MODULES[FDI], "--ros-args", "-r", "__ns:=/ac"], tmp_path, ros_environment())
+    child = start(FDI, ["-m", PROCESSES[FDI].module, "--ros-args", "-r", "__ns:=/ac"], tmp_path, ros_environment())
     try:
         with Supervisor({FDI: child}, ros_environment()) as supervisor:
             supervisor.wait_for({FDI: "active"})

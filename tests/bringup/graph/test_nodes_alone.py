@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from ac_common.topics import FDI, RECORDER
-from bringup.launch.node_modules import MODULES
+from bringup.launch.process_table import PROCESSES
 from bringup.launch.processes import ros_environment, start, stop
 from bringup.launch.supervisor import Supervisor
 
 pytestmark = pytest.mark.ros
 
-ENDED = (FDI, *(name for name in MODULES if name != FDI))
+ENDED = (FDI, *(name for name in PROCESSES if name != FDI))
 
 
 #: Both signals for one node, either for the others: all of them end through the same lines.
@@ -24,7 +24,7 @@ ENDS = [(FDI, signal.SIGINT), *((name, (signal.SIGTERM, signal.SIGINT)[i % 2]) f
 @pytest.mark.parametrize(("name", "number"), ENDS)
 def test_starts_by_itself_and_ends_with_code_0(name: str, number: signal.Signals, tmp_path: Path) -> None:
     own = ["-p", f"folder:={tmp_path / 'bag'}"] if name == RECORDER else []
-    arguments = ["-m", MODULES[name], "--ros-args", "-r", "__ns:=/ac", *own]
+    arguments = ["-m", PROCESSES[name].module, "--ros-args", "-r", "__ns:=/ac", *own]
     child = start(name, arguments, tmp_path, ros_environment())
     try:
         with Supervisor({name: child}, ros_environment()) as supervisor:

@@ -10,12 +10,13 @@ from update_references import REFERENCE, SCENARIO
 
 from ac_experiments.bags.reader import read_bag
 from ac_experiments.scenario import load
-from bringup.replay.replay import REPLAYABLE, replay
+from bringup.launch.process_table import LOOP_NODES
+from bringup.replay.replay import replay
 
 pytestmark = pytest.mark.ros
 
 
-@pytest.mark.parametrize("node", REPLAYABLE)
+@pytest.mark.parametrize("node", LOOP_NODES)
 def test_node_behaves_as_in_the_reference(node: str) -> None:
     result = replay(REFERENCE, node)
     assert result.same, [f"{result.different} of {result.compared} messages differ", *result.differences]

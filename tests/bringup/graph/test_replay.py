@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from ac_common.errors import BringupError
+from ac_common.errors import UserError
 from bringup.launch.launch import GraphRun
 from bringup.replay.replay import replay
 
@@ -44,9 +44,9 @@ def test_bag_cut_short_can_be_replayed(run: GraphRun, tmp_path: Path) -> None:
 
 
 def test_wrong_names_are_clear(run: GraphRun, tmp_path: Path) -> None:
-    with pytest.raises(BringupError, match="no node 'fid' can be replayed; allowed: "):
+    with pytest.raises(UserError, match="no node 'fid' can be replayed; allowed: "):
         replay(run.bag, "fid")
-    with pytest.raises(BringupError, match="no such bag"):
+    with pytest.raises(UserError, match="no such bag"):
         replay(tmp_path / "nothing", "fdi")
 
 

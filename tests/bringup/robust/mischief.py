@@ -6,15 +6,15 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from bringup.benchmarks.children import node_pids
+from bringup.benchmarks.children import node_processes
 
 
 def pid_of(node: str) -> int:
     """Process of a node that this process has started."""
-    pids = node_pids()
-    if node not in pids:
+    processes = node_processes()
+    if node not in processes:
         raise ProcessLookupError(node)
-    return pids[node]
+    return processes[node].pid
 
 
 @dataclass

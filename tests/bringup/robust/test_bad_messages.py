@@ -17,8 +17,7 @@ from ac_experiments.bags.reader import decode
 from ac_ros_common.loop_node import LOOP_QOS
 from ac_ros_common.messages import message_class
 from ac_ros_common.stuck_sensor import FROZEN_S, Frozen
-from bringup.launch.launch import node_arguments
-from bringup.launch.node_modules import MODULES
+from bringup.launch.node_parameters import node_arguments
 from bringup.launch.processes import ros_environment, start, stop
 from bringup.launch.supervisor import Supervisor
 
@@ -92,7 +91,7 @@ class Surroundings:
 @pytest.fixture(scope="module")
 def loop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Surroundings]:
     folder = tmp_path_factory.mktemp("alone")
-    arguments = node_arguments(MODULES[CONTROLLER], CONTROLLER, {"mode": "realtime"}, folder)
+    arguments = node_arguments(CONTROLLER, {"mode": "realtime"}, folder)
     child = start(CONTROLLER, arguments, folder, ros_environment())
     try:
         with Supervisor({CONTROLLER: child}, ros_environment()) as supervisor:

@@ -24,7 +24,7 @@ from bringup.benchmarks.figures import host_noise, start_host_noise
 from bringup.benchmarks.host_noise import missed_by_us
 from bringup.launch.launch import GraphRun, run_graph
 from bringup.launch.restart_policy import MOST
-from bringup.launch.user_nodes import OwnNodes
+from bringup.launch.user_nodes import UserNodes
 from tests.operator import Operator
 from tests.processes import processes_that_mention
 
@@ -83,8 +83,8 @@ def ordeal(tmp_path_factory: pytest.TempPathFactory) -> Ordeal:
     quick = folder / "quick.yaml"
     holds = {INJECTOR: HOLD_S, PLANT: HOLD_S + 0.2}  # the plant is to see no more than the injector's hold
     quick.write_text("".join(f"/ac/{n}: {{ros__parameters: {{command_hold_s: {s}}}}}\n" for n, s in holds.items()))
-    own, probes = OwnNodes(params_file=quick), start_host_noise(300.0)
-    run = run_graph(check(FAULTY), folder, mode="realtime", care=True, progress=mischief, own=own, say=mischief.say)
+    own, probes = UserNodes(params_file=quick), start_host_noise(300.0)
+    run = run_graph(check(FAULTY), folder, mode="realtime", care=True, progress=mischief, user=own, say=mischief.say)
     ticks = [int((at_s - epoch_s(run.bag)) / 0.1) for at_s in mischief.done_s[1:]]
     died = dict(zip(KILLED.values(), ticks, strict=True))
     return Ordeal(run, read_bag(run.bag), died, mischief.said, host_noise(probes).stalls)

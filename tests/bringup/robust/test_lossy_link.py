@@ -13,7 +13,7 @@ import pytest
 from ac_experiments.bags.reader import health_reports, read_bag, read_raw
 from ac_experiments.scenario import check
 from bringup.launch.launch import run_graph
-from bringup.launch.user_nodes import own_nodes
+from bringup.launch.user_nodes import user_nodes
 
 pytestmark = [pytest.mark.ros, pytest.mark.clock]
 
@@ -66,8 +66,8 @@ MODULES = {
 def test_loop_stays_stable_on_a_lossy_link_and_says_what_was_missing(tmp_path: Path) -> None:
     relay = tmp_path / "lossy.py"
     relay.write_text(LOSSY)
-    own = own_nodes([f"{name}={sys.executable} {relay} {module}" for name, module in MODULES.items()])
-    run = run_graph(check(SCENARIO), tmp_path / "out", mode="realtime", care=True, own=own)
+    own = user_nodes([f"{name}={sys.executable} {relay} {module}" for name, module in MODULES.items()])
+    run = run_graph(check(SCENARIO), tmp_path / "out", mode="realtime", care=True, user=own)
     recording = read_bag(run.bag)
     series = recording.series
     lost = {

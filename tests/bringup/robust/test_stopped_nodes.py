@@ -14,7 +14,7 @@ from ac_common.safe_command import SAFE_RATE
 from ac_common.topics import COMPENSATOR, CONTROLLER, FDI, INJECTOR, PLANT
 from ac_experiments.bags.reader import read_bag, read_raw
 from ac_experiments.scenario import load
-from bringup.launch import supervisor
+from bringup.launch import restarts
 from bringup.launch.launch import run_graph
 
 pytestmark = [pytest.mark.ros, pytest.mark.clock]
@@ -73,7 +73,7 @@ def _stamp_s(data: bytes) -> float:
 
 
 def test_a_node_that_hangs_for_good_is_ended_and_started_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(supervisor, "HUNG_S", 5.0)  # to save time
+    monkeypatch.setattr(restarts, "HUNG_S", 5.0)  # to save time
     mischief = Mischief([(10, lambda: os.kill(pid_of(COMPENSATOR), signal.SIGSTOP))])
     scenario = load("nominal", ["duration_s=16"])
     run = run_graph(scenario, tmp_path, mode="realtime", care=True, progress=mischief, say=mischief.say)

@@ -1,0 +1,126 @@
+"""What of a graph is to be seen over ROS: whether its nodes have found each other, and what does not belong there."""
+
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from ac_common.topics import BRINGUP, NAMESPACE, OCCASIONAL, PAGE, PLANT, RECORDER, TOPICS, Topic
+from ac_ros_common.type_definitions import type_hash
+
+
+class GraphAudit:
+    """Compares what is to be seen of a graph with the table of topics.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Through which the graph is seen.
+    names
+        Nodes of the graph.
+    users
+        Those of them whose code is the user's: they may read and publish what they like.
+    health
+        Last health report of each node, kept up to date by its owner: it tells how many subscribers its outputs have
+        found.
+    """
+
+    def __init__(
+        self, node: Any, names: Collection[str], users: Collection[str], health: Mapping[str, Mapping[str, str]]
+    ) -> None:
+        self._node, self._names, self._users, self._health = node, names, users, health
+
+    def is_connected(self, name: str) -> bool:
+        """Whether every output of a node has the subscribers that this graph holds, on top of anybody else's."""
+        if name in self._users:
+            reads = sum(self._reads(name, topic) for topic in (*TOPICS, *OCCASIONAL))
+            if not self.reports(name):
+                return self.publishes_all(name)
+            if reads < self._reported(name, "subscriptions"):
+                return False  # not all of them have been discovered here
+        return all(
+            self._reported(name, f"subscribers/{topic}") >= n + self._others_readers(topic)
+            for topic, n in self._wanted(name).items()
+        )
+
+    def reports(self, name: str) -> bool:
+        """Whether a node tells its state on /diagnostics, as those of acftc do."""
+        return any(_is(name, writer) for writer in self._node.get_publishers_info_by_topic("/diagnostics"))
+
+    def publishes_all(self, name: str) -> bool:
+        """Whether every topic that is a node's to publish has it for a publisher."""
+        return all(
+            any(_is(name, writer) for writer in self._node.get_publishers_info_by_topic(f"{NAMESPACE}/{topic.name}"))
+            for topic in TOPICS
+            if topic.publisher == name
+        )
+
+    def unexpected(self, restarted: Collection[str]) -> list[str]:
+        """Return, in a line each, nodes and endpoints that do not belong to this graph.
+
+        Of the nodes that were `restarted` the dead publishers may be seen for a while.
+        """
+        known = {*self._names, BRINGUP, PAGE}
+        found = [
+            f"foreign node {NAMESPACE}/{name}"
+            for name, namespace in sorted(set(self._node.get_node_names_and_namespaces()))
+            if namespace == NAMESPACE and name not in known
+        ]
+        for topic in (*TOPICS, *OCCASIONAL):
+            found += self._unexpected_at(topic, restarted)
+        return found
+
+    def _unexpected_at(self, topic: Topic, restarted: Collection[str]) -> list[str]:
+        full = f"{NAMESPACE}/{topic.name}"
+        writers = self._node.get_publishers_info_by_topic(full)
+        found = []
+        rightful = [writer for writer in writers if _is(topic.publisher, writer)]
+        if len(rightful) > 1 and topic.publisher not in restarted:
+            found.append(f"{full}: {len(rightful)} publishers called {topic.publisher}")
+        found += [
+            f"{full}: second publisher {_called(writer)}"
+            for writer in writers
+            if not _is(topic.publisher, writer) and "UNKNOWN" not in writer.node_name
+        ]
+        expected = type_hash(topic.type)
+        for endpoint in (*writers, *self._node.get_subscriptions_info_by_topic(full)):
+            if endpoint.topic_type != topic.type:
+                found.append(f"{full}: {_called(endpoint)} has type {endpoint.topic_type} instead of {topic.type}")
+            elif str(endpoint.topic_type_hash).startswith("RIHS") and str(endpoint.topic_type_hash) != expected:
+                found.append(f"{full}: {_called(endpoint)} has another version of {topic.type}")
+        return found
+
+    def _reads(self, name: str, topic: Topic) -> bool:
+        """Whether a node subscribes to a topic: acftc's as the table says, the user's as the graph shows."""
+        if name not in self._users:
+            return name in topic.subscribers
+        readers = self._node.get_subscriptions_info_by_topic(f"{NAMESPACE}/{topic.name}")
+        return any(_is(name, reader) for reader in readers)
+
+    def _others_readers(self, topic: str) -> int:
+        """Count the subscribers of a topic that are no node of the graph, such as `ros2 topic echo`."""
+        full = "/clock" if topic == "clock" else f"{NAMESPACE}/{topic}"
+        readers = self._node.get_subscriptions_info_by_topic(full)
+        return sum(reader.node_name not in self._names or reader.node_namespace != NAMESPACE for reader in readers)
+
+    def _wanted(self, name: str) -> dict[str, int]:
+        """Return how many nodes of the graph read each output of a node."""
+        recorded = 1 if RECORDER in self._names else 0
+        wanted = {
+            topic.name: recorded + sum(self._reads(reader, topic) for reader in self._names)
+            for topic in TOPICS
+            if topic.publisher == name
+        }
+        if name == PLANT and "subscribers/clock" in self._health.get(name, {}):
+            wanted["clock"] = recorded
+        return wanted
+
+    def _reported(self, name: str, key: str) -> int:
+        return int(self._health.get(name, {}).get(key) or 0)
+
+
+def _is(name: str, endpoint: Any) -> bool:
+    """Whether a publisher or subscriber belongs to the graph's node of that name."""
+    return bool(endpoint.node_name == name and endpoint.node_namespace == NAMESPACE)
+
+
+def _called(endpoint: Any) -> str:
+    return f"{endpoint.node_namespace.rstrip('/')}/{endpoint.node_name}"
