@@ -21,7 +21,7 @@ _PROBLEMS = (YAMLError, ValueError, TypeError, LookupError, AttributeError, Recu
 _TWICE = re.compile(r'found duplicate key "?(.*?)"? with value .*', re.DOTALL)
 
 #: Text that every reader takes for text without quotation marks, those of YAML 1.1 (the middleware's) included.
-_PLAIN = re.compile(r"(?!(?:y|n|yes|no|on|off|true|false|null)$)[a-z/_][a-z0-9/ ._+-]*", re.IGNORECASE)
+_PLAIN = re.compile(r"(?!(?:y|n|yes|no|on|off|true|false|null)$)[a-z/_].*", re.IGNORECASE)
 
 
 def parsed(text: str, what: str) -> Any:

@@ -1,6 +1,5 @@
 """A run told in words: what happened, what was seen of it, what came of it."""
 
-import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -129,13 +128,3 @@ def _at_rest(summary: Mapping[str, Any]) -> Sentence:
 
 def _signed(value: float, unit: str, more: str, less: str, digits: int = 1) -> str:
     return f"{abs(value):.{digits}f} {unit} {more if value >= 0 else less}"
-
-
-def as_html(told: Sequence[Sentence]) -> str:
-    """The story as a list; what is good or bad is told by a sign as well as by colour."""
-    signs = {GOOD: "✓", BAD: "✗", PLAIN: "·"}
-    items = [
-        f"<li class={one.kind}><span aria-hidden=true>{signs[one.kind]}</span><div>{html.escape(one.text)}</div></li>"
-        for one in told
-    ]
-    return f"<ul class=story>{''.join(items)}</ul>"

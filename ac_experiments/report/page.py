@@ -2,44 +2,44 @@
 
 import base64
 import gzip
-import html
 import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from string import Template
 from typing import Any
 
-import yaml
+from markupsafe import Markup
 
 from ac_common.files import write_whole
 from ac_common.health import health_of
 from ac_common.topics import BRINGUP
+from ac_common.yaml_file import yaml_text
 from ac_experiments.metrics import SETTLED_DEVIATIONS, SETTLED_KPA, WINDOW_S, summarise
 from ac_experiments.recording import Recording
-from ac_experiments.report import matplotlib_charts as stills
+from ac_experiments.report import matplotlib_charts
 from ac_experiments.report.charts import Chart
-from ac_experiments.report.narrative import as_html, story
+from ac_experiments.report.narrative import story
 from ac_experiments.report.nodes import MOST_EVENTS, Event, Report, events_of, health_charts
 from ac_experiments.report.panels import STORY, around, charts_of, cut
 from ac_experiments.report.paper_figures import figures_for
+from ac_experiments.report.parts import Part, Plot, Section, Table, Words, cell, code, render_page
 
 _METRICS = (
     ("command_change_rpm", "Change of the commanded compressor speed at rest", "rpm", "+.2f"),
-    ("peak_pressure_error_kpa", "Peak of actual p<sub>e</sub> off its reference", "kPa", ".3f"),
-    ("steady_pressure_error_kpa", "Actual p<sub>e</sub> minus reference at rest", "kPa", "+.3f"),
+    ("peak_pressure_error_kpa", Markup("Peak of actual p<sub>e</sub> off its reference"), "kPa", ".3f"),
+    ("steady_pressure_error_kpa", Markup("Actual p<sub>e</sub> minus reference at rest"), "kPa", "+.3f"),
     ("peak_superheat_error_k", "Peak of actual superheat off its reference", "K", ".3f"),
     ("steady_superheat_error_k", "Actual superheat minus reference at rest", "K", "+.3f"),
 )
 
 _FAULT_NAMES = {
-    "compressor_speed": "f<sub>N</sub> compressor speed",
-    "evaporator_pressure": "f<sub>p</sub> pressure sensor",
+    "compressor_speed": Markup("f<sub>N</sub> compressor speed"),
+    "evaporator_pressure": Markup("f<sub>p</sub> pressure sensor"),
 }
 #: Faults that get plots of their own; the plots of the whole run show all.
 MOST_DETAILS = 6
 
-_WIDE_IN = (2 * stills.SIZE_IN[0], stills.SIZE_IN[1])
+_WIDE_IN = (2 * matplotlib_charts.SIZE_IN[0], matplotlib_charts.SIZE_IN[1])
 _PAGE = Path(__file__).with_name("page.html")
 
 
@@ -89,23 +89,22 @@ def render(
     events = _events(recording, reports, first_tick_s)
     plots = _Plots(pictures)
     sections = [
-        ("faults", "Faults", _faults_table(summary)),
-        ("figures", "Figures", _metrics_table(summary, other, scenario)),
+        Section("faults", "Faults", _faults_table(summary)),
+        Section("figures", "Figures", _metrics_table(summary, other, scenario)),
         *_details(summary, recording, beside, note, plots),
-        ("run", "The whole run", _whole_run(recording, beside, note, plots)),
-        ("nodes", "Timing and health of the nodes", _nodes(recording, reports, plots)),
-        ("events", "Events", _events_table(events)),
-        ("parameters", "Parameters", _parameters(recording)),
-        ("again", "How to run it again", _again(summary, scenario)),
+        Section("run", "The whole run", _whole_run(recording, beside, note, plots)),
+        Section("nodes", "Timing and health of the nodes", _nodes(recording, reports, plots)),
+        Section("events", "Events", _events_table(events)),
+        Section("parameters", "Parameters", _parameters(recording)),
+        Section("again", "How to run it again", _again(summary, scenario)),
     ]
-    sections = [section for section in sections if section[2]]
-    return Template(_PAGE.read_text(encoding="utf-8")).substitute(
-        title=html.escape(f"{summary['scenario']} ({'passive' if summary['passive'] else 'active'})"),
-        description=html.escape(scenario.get("description", "")),
-        story=as_html(story(summary, other, events or ())),
-        contents="".join(f"<a href=#{name}>{heading}</a>" for name, heading, _ in sections),
+    return render_page(
+        _PAGE,
+        title=f"{summary['scenario']} ({'passive' if summary['passive'] else 'active'})",
+        description=scenario.get("description", ""),
+        story=story(summary, other, events or ()),
         facts=_facts(summary, scenario, recording.metadata),
-        body="\n".join(f"<h2 id={name}>{heading}</h2>\n{text}" for name, heading, text in sections),
+        sections=[section for section in sections if section.parts],
         script=plots.script(),
     )
 
@@ -117,24 +116,24 @@ class _Plots:
         self._pictures = pictures
         self._figures: dict[str, Any] = {}
 
-    def put(self, charts: Sequence[Chart], name: str, title: str, *, wide: bool = False) -> str:
-        """HTML of `charts`, two beside each other, or one if `wide`; `name` is added to the picture's file name."""
+    def put(self, charts: Sequence[Chart], name: str, title: str, *, wide: bool = False) -> Plot:
+        """Return a plot of `charts`, two beside each other or one if `wide`; `name` goes to the picture's file name."""
         from ac_experiments.report.plotly_charts import figure  # takes half a second to import
 
-        columns, size_in = (1, _WIDE_IN) if wide else (2, stills.SIZE_IN)
+        columns, size_in = (1, _WIDE_IN) if wide else (2, matplotlib_charts.SIZE_IN)
         moving = figure(charts, columns)
         self._figures[f"plots{name}"] = moving
         if self._pictures is None:
-            still = stills.draw(charts, columns, title, size_in)
+            still = matplotlib_charts.draw(charts, columns, title, size_in)
         else:
-            still = stills.save(charts, self._pictures.with_name(self._pictures.name + name), columns, title, size_in)
-        data = base64.b64encode(still.encode()).decode()
-        picture = f'<img alt="{html.escape(title)}" src="data:image/svg+xml;base64,{data}">'
-        place = f'<div id=plots{name} style="height:{moving.layout.height}px"></div>'
-        return f"<div class=screen>{place}</div><div class=print>{picture}</div>"
+            still = matplotlib_charts.save(
+                charts, self._pictures.with_name(self._pictures.name + name), columns, title, size_in
+            )
+        picture = base64.b64encode(still.encode()).decode()
+        return Plot(f"plots{name}", title, moving.layout.height, picture)
 
     def script(self) -> str:
-        """The plotting library and all plots as the page unpacks them: gzip in base64, less than half the size."""
+        """Return the plotting library and all plots as the page unpacks them: gzip in base64, half the size."""
         from plotly.offline import get_plotlyjs
 
         figures = ", ".join(f'"{name}": {moving.to_json()}' for name, moving in self._figures.items())
@@ -149,50 +148,53 @@ class _Plots:
 # ------------------------------------------------------------------------------------------------------- sections
 
 
-def _facts(summary: Mapping[str, Any], scenario: Mapping[str, Any], about: Mapping[str, Any]) -> str:
+def _facts(
+    summary: Mapping[str, Any], scenario: Mapping[str, Any], about: Mapping[str, Any]
+) -> list[tuple[str, str | Markup]]:
     factor, wall = summary["real_time_factor"], summary["wall_seconds"]
     speed = "unknown" if not factor else f"{wall:.2f} s, {factor:.{0 if factor >= 10 else 1}f} times real time"
-    control = "passive: K<sub>0</sub> alone" if summary["passive"] else "active: K<sub>0</sub> with compensator Q"
+    control = Markup(
+        "passive: K<sub>0</sub> alone" if summary["passive"] else "active: K<sub>0</sub> with compensator Q"
+    )
     seconds = summary["ticks"] * summary["sample_time_s"]
-    facts = [
-        ("Started", html.escape(str(about.get("started", "unknown")).replace("T", " ").replace("+00:00", " UTC"))),
+    return [
+        ("Started", str(about.get("started", "unknown")).replace("T", " ").replace("+00:00", " UTC")),
         ("Mode", {"simulate": "one process, without ROS"}.get(summary["mode"], summary["mode"])),
         ("Control", control),
-        ("Operating point", html.escape(str(scenario.get("operating_point", "")))),
+        ("Operating point", str(scenario.get("operating_point", ""))),
         ("Ticks", f"{summary['ticks']} at {summary['sample_time_s']:g} s: {seconds:g} s"),
         ("Wall time", speed),
         ("Missed ticks", str(summary["missed_ticks"])),
     ]
-    return "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in facts)
 
 
-def _faults_table(summary: Mapping[str, Any]) -> str:
+def _faults_table(summary: Mapping[str, Any]) -> list[Part]:
     if not summary["faults"]:
-        return ""
+        return []
     rows = []
     for fault in summary["faults"]:
         isolated = fault["isolated_as"]
         rows.append(
             [
                 _FAULT_NAMES[fault["kind"]],
-                f"{_cell(fault['size'], 'g')} {fault['unit']}",
+                f"{cell(fault['size'], 'g')} {fault['unit']}",
                 _span(fault),
-                _cell(fault["detected_s"], ".1f"),
-                _cell(fault["isolated_s"], ".1f"),
+                cell(fault["detected_s"], ".1f"),
+                cell(fault["isolated_s"], ".1f"),
                 "–" if isolated is None else _FAULT_NAMES[isolated],
-                "–" if isolated is None else f"{_cell(fault['estimate'], '.2f')} {_unit(isolated)}",
-                _cell(fault["peak_pressure_error_kpa"], ".2f"),
-                "stayed" if fault["settled_s"] == fault["onset_s"] else _cell(fault["settled_s"], ".1f"),
+                "–" if isolated is None else f"{cell(fault['estimate'], '.2f')} {_unit(isolated)}",
+                cell(fault["peak_pressure_error_kpa"], ".2f"),
+                "stayed" if fault["settled_s"] == fault["onset_s"] else cell(fault["settled_s"], ".1f"),
             ]
         )
-    heads = ["Fault", "Size", "Onset, s", "Detected, s", "Isolated, s", "Isolated as", "Estimate"]
-    heads += ["p<sub>e</sub> off by, kPa", "p<sub>e</sub> back, s"]
-    note = (
+    heads: list[str | Markup] = ["Fault", "Size", "Onset, s", "Detected, s", "Isolated, s", "Isolated as", "Estimate"]
+    heads += [Markup("p<sub>e</sub> off by, kPa"), Markup("p<sub>e</sub> back, s")]
+    note = Markup(
         "Times from the start of the run. “p<sub>e</sub> back”: from then on until the next fault the actual "
         f"p<sub>e</sub> stays within {SETTLED_KPA:g} kPa of its reference (with noise: and {SETTLED_DEVIATIONS:g} "
         f"standard deviations of the {WINDOW_S:g} s before the fault)."
     )
-    return _table(heads, rows) + f"<p class=note>{note}</p>"
+    return [Table(heads, rows), Words(note, "note")]
 
 
 def _span(fault: Mapping[str, Any]) -> str:
@@ -203,8 +205,10 @@ def _unit(kind: str) -> str:
     return "rpm" if kind == "compressor_speed" else "kPa"
 
 
-def _metrics_table(summary: Mapping[str, Any], other: Mapping[str, Any] | None, scenario: Mapping[str, Any]) -> str:
-    """Metrics of this run and the one beside it; for the paper's experiments its numbers in columns of their own."""
+def _metrics_table(
+    summary: Mapping[str, Any], other: Mapping[str, Any] | None, scenario: Mapping[str, Any]
+) -> list[Part]:
+    """Return the metrics of this run and the one beside it, and, in columns of their own, the paper's numbers."""
     runs = [run for run in (summary, other) if run is not None]
     runs.sort(key=lambda run: run["passive"])
     paper = figures_for(scenario)
@@ -216,51 +220,51 @@ def _metrics_table(summary: Mapping[str, Any], other: Mapping[str, Any] | None, 
     for key, name, unit, digits in _METRICS:
         row = [name, unit]
         for run in runs:
-            row.append(_cell(run["metrics"][key], digits))
+            row.append(cell(run["metrics"][key], digits))
             if paper:
                 said = (paper.passive if run["passive"] else paper.active).get(key)
-                row.append(_cell(said, "+g" if said else "g"))
+                row.append(cell(said, "+g" if said else "g"))
         rows.append(row)
-    remark = "" if paper is None else f"<p class=note>{paper.experiment}: {html.escape(paper.remark)}</p>"
-    caption = (
+    remark = [] if paper is None else [Words(f"{paper.experiment}: {paper.remark}", "note")]
+    caption = Markup(
         f"“At rest” is the mean of the last {WINDOW_S:g} s; a change is against the {WINDOW_S:g} s before the last "
         "fault; peaks count from the first fault on. Errors are those of the <em>actual</em> values, not the measured."
     )
-    return _table(heads, rows) + f"<p class=note>{caption}</p>" + remark
+    return [Table(heads, rows), Words(caption, "note"), *remark]
 
 
 def _details(
     summary: Mapping[str, Any], recording: Recording, beside: Recording | None, note: str, plots: _Plots
-) -> list[tuple[str, str, str]]:
-    """Plots of the time around each fault, where the transients can be seen."""
+) -> list[Section]:
+    """Return the plots of the time around each fault, where the transients can be seen."""
     sections = []
     for number, fault in enumerate(summary["faults"][:MOST_DETAILS], start=1):
         charts = charts_of(recording, beside, STORY, around(fault["onset_s"]))
-        title = f"Around the fault {_FAULT_NAMES[fault['kind']]}, {fault['onset_s']:g} s"
+        title = Markup("Around the fault {}, {:g} s").format(_FAULT_NAMES[fault["kind"]], fault["onset_s"])
         picture = plots.put(charts, f"_fault_{number}", f"{summary['scenario']}: around {fault['onset_s']:g} s")
-        sections.append((f"fault-{number}", title, _note(note) + picture))
+        sections.append(Section(f"fault-{number}", title, [*_note(note), picture]))
     return sections
 
 
-def _whole_run(recording: Recording, beside: Recording | None, note: str, plots: _Plots) -> str:
+def _whole_run(recording: Recording, beside: Recording | None, note: str, plots: _Plots) -> list[Part]:
     hint = "Drag to zoom, double-click to see all again; a click on a name in a legend hides its line."
     charts = charts_of(recording, beside)
     picture = plots.put(charts, "", f"{recording.metadata['scenario']['name']}: the whole run")
-    return f"{_note(note)}<p class='note screen'>{hint}</p>{picture}"
+    return [*_note(note), Words(hint, "hint"), picture]
 
 
-def _nodes(recording: Recording, reports: Sequence[Report], plots: _Plots) -> str:
-    """How the nodes fared; empty for a run without nodes."""
+def _nodes(recording: Recording, reports: Sequence[Report], plots: _Plots) -> list[Part]:
+    """Return how the nodes fared; nothing for a run without nodes."""
     if not reports:
-        return ""
+        return []
     rows = [
         [
-            f"<code>{html.escape(node.name)}</code>",
-            html.escape(node.state),
-            _cell(node.latency_p50_ms, ".2f"),
-            _cell(node.latency_max_ms, ".2f"),
+            code(node.name),
+            node.state,
+            cell(node.latency_p50_ms, ".2f"),
+            cell(node.latency_max_ms, ".2f"),
             str(node.overruns),
-            f"{node.rejected_inputs} {html.escape(node.last_rejected)}",
+            f"{node.rejected_inputs} {node.last_rejected}",
         ]
         for node in health_of((report.node, report.values) for report in reports if report.node != BRINGUP)
     ]
@@ -273,20 +277,21 @@ def _nodes(recording: Recording, reports: Sequence[Report], plots: _Plots) -> st
         "Inputs refused",
     ]
     latency = recording.metadata.get("command_latency_ms")
-    whole = ""
+    parts: list[Part] = [Table(heads, rows)]
     if latency and math.isfinite(latency["p50"]):
-        whole = (
-            "<p>From a measurement's stamp to the command's arrival at the plant: half of the ticks within "
-            f"{latency['p50']:.2f} ms, 99 % within {latency['p99']:.2f} ms, the longest {latency['max']:.2f} ms.</p>"
+        text = (
+            "From a measurement's stamp to the command's arrival at the plant: half of the ticks within "
+            f"{latency['p50']:.2f} ms, 99 % within {latency['p99']:.2f} ms, the longest {latency['max']:.2f} ms."
         )
+        parts.append(Words(text))
     charts = health_charts(reports)
-    return (
-        _table(heads, rows) + whole + (plots.put(charts, "_nodes", "Timing of the nodes", wide=True) if charts else "")
-    )
+    if charts:
+        parts.append(plots.put(charts, "_nodes", "Timing of the nodes", wide=True))
+    return parts
 
 
 def _events(recording: Recording, reports: Sequence[Report], first_tick_s: float) -> list[Event] | None:
-    """What was out of the ordinary; None where nobody could tell: a bag without health reports."""
+    """Return what was out of the ordinary; None where nobody could tell: a bag without health reports."""
     if reports:
         return events_of(reports, first_tick_s)
     if recording.metadata["mode"] == "simulate":
@@ -294,26 +299,21 @@ def _events(recording: Recording, reports: Sequence[Report], first_tick_s: float
     return None
 
 
-def _events_table(events: Sequence[Event] | None) -> str:
-    """The events in order of time; empty where nobody could tell."""
+def _events_table(events: Sequence[Event] | None) -> list[Part]:
+    """Return the events in order of time; nothing where nobody could tell."""
     if events is None:
-        return ""
+        return []
     if not events:
-        return "<p>None: no node refused an input, missed a tick, changed what it does or was started again.</p>"
-    rows = [
-        [_cell(event.time_s, ".1f"), f"<code>{html.escape(event.node)}</code>", html.escape(event.what)]
-        for event in events[:MOST_EVENTS]
-    ]
-    table = _table(["Time, s", "Node", "What it reported"], rows)
+        return [Words("None: no node refused an input, missed a tick, changed what it does or was started again.")]
+    rows = [[cell(event.time_s, ".1f"), code(event.node), event.what] for event in events[:MOST_EVENTS]]
     more = len(events) - MOST_EVENTS
-    if more <= 0:
-        return table
-    return f"{table}<p class=note>And {more} more.</p>"
+    table = Table(["Time, s", "Node", "What it reported"], rows)
+    return [table, Words(f"And {more} more.", "note")] if more > 0 else [table]
 
 
-def _parameters(recording: Recording) -> str:
-    """With what the run was made: versions, and the parameters that each node was given."""
-    software: Mapping[str, Any] = recording.metadata.get("software", {})
+def _parameters(recording: Recording) -> list[Part]:
+    """Return with what the run was made: versions, and the parameters that each node was given."""
+    versions: Mapping[str, Any] = recording.metadata.get("software", {})
     nodes: Mapping[str, Any] = recording.metadata.get("parameters", {})
     scenario: Mapping[str, Any] = recording.metadata["scenario"]
     given = {
@@ -323,16 +323,16 @@ def _parameters(recording: Recording) -> str:
         "controller": f"K0 {scenario.get('controller', 'tracking')}",
         "noise (standard deviation)": _noise(scenario.get("noise", {})),
     }
-    rows = [[html.escape(key), html.escape(str(value))] for key, value in {**given, **software}.items()]
-    text = _table(["", ""], rows)
+    parts: list[Part] = [Table(["", ""], [[key, str(value)] for key, value in {**given, **versions}.items()])]
     if nodes:
         rows = [
-            [f"<code>{html.escape(node)}</code>", ", ".join(html.escape(f"{key}: {own[key]}") for key in own)]
-            for node, own in nodes.items()
-            if own
+            [code(node), ", ".join(f"{key}: {value}" for key, value in values.items())]
+            for node, values in nodes.items()
+            if values
         ]
-        text += "<h3>Given to the nodes</h3>" + _table(["Node", "Parameters; the others have their defaults"], rows)
-    return text
+        heads = ["Node", "Parameters; the others have their defaults"]
+        parts += [Words("Given to the nodes", "heading"), Table(heads, rows)]
+    return parts
 
 
 def _noise(noise: Mapping[str, Any]) -> str:
@@ -342,8 +342,8 @@ def _noise(noise: Mapping[str, Any]) -> str:
     return ", ".join([*parts, f"seed {noise.get('seed', 0)}"]) if parts else "none"
 
 
-def _again(summary: Mapping[str, Any], scenario: Mapping[str, Any]) -> str:
-    """The command that repeats the run, and the scenario when it is not a built-in one as it is."""
+def _again(summary: Mapping[str, Any], scenario: Mapping[str, Any]) -> list[Part]:
+    """Return the command that repeats the run, and the scenario when it is not a built-in one as it is."""
     from ac_experiments.scenario import built_in_scenarios, load
 
     name = summary["scenario"]
@@ -355,33 +355,18 @@ def _again(summary: Mapping[str, Any], scenario: Mapping[str, Any]) -> str:
         command = f"acftc simulate {source} --out results{passive}"
     else:
         command = f"acftc run {source} --out results --mode {summary['mode']}{passive}"
-    text = html.escape(yaml.safe_dump(_without_empty(scenario), sort_keys=False, width=100))
+    text = Words(yaml_text(_without_empty(scenario), width=100), "code")
     if built_in:
-        return f"<pre>{html.escape(command)}</pre><p class=note>The built-in scenario in full:</p><pre>{text}</pre>"
-    saved = "<p class=note>Save the scenario as <code>scenario.yaml</code>, then:</p>"
-    return f"{saved}<pre>{html.escape(command)}</pre><pre>{text}</pre>"
+        return [Words(command, "code"), Words("The built-in scenario in full:", "note"), text]
+    saved = Markup("Save the scenario as <code>scenario.yaml</code>, then:")
+    return [Words(saved, "note"), Words(command, "code"), text]
 
 
 # -------------------------------------------------------------------------------------------------------- details
 
 
-def _note(text: str) -> str:
-    return f"<p class=note>{html.escape(text)}</p>" if text else ""
-
-
-def _cell(value: float | None, digits: str) -> str:
-    """Format a number for a table: a dash where there is none, a true minus, and no sign on what rounds to zero."""
-    if value is None or math.isnan(value):
-        return "–"
-    text = format(value, digits)
-    return (text if float(text) else text.lstrip("+-")).replace("-", "\N{MINUS SIGN}")
-
-
-def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    head = "".join(f"<th>{text}</th>" for text in heads)
-    head = f"<thead><tr>{head}</tr></thead>" if any(heads) else ""
-    body = "".join("<tr>" + "".join(f"<td>{text}</td>" for text in row) + "</tr>" for row in rows)
-    return f"<div class=scroll><table>{head}<tbody>{body}</tbody></table></div>"
+def _note(text: str) -> list[Part]:
+    return [Words(text, "note")] if text else []
 
 
 def _without_empty(value: Any) -> Any:
