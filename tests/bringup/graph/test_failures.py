@@ -7,14 +7,15 @@ import sys
 import time
 from pathlib import Path
 
-import psutil
 import pytest
 from rosbags.highlevel import AnyReader
 
 from ac_common.errors import RunError, UserError
+from ac_common.topics import FDI, RECORDER
 from ac_experiments.bags.reader import read_bag
 from ac_experiments.scenario import load
 from ac_experiments.scenario_schema import Scenario
+from bringup.benchmarks.children import node_processes
 from bringup.launch import run_end
 from bringup.launch.launch import _prepare, run_graph
 from bringup.launch.processes import Domain, ros_environment, start, stop
@@ -80,7 +81,7 @@ def test_killed_bringup_takes_its_nodes_along(tmp_path: Path) -> None:
 STUBBORN = """
 import os, subprocess, sys
 from ac_ros_common.process_exit import PARENT_VARIABLE
-child = "import signal, time; from bringup.launch.processes import end_with_parent; "
+child = "import signal, time; from ac_ros_common.process_exit import end_with_parent; "
 child += "signal.signal(signal.SIGTERM, signal.SIG_IGN); end_with_parent(); print('ready', flush=True); time.sleep(600)"
 environment = {**os.environ, PARENT_VARIABLE: str(os.getpid())}
 subprocess.Popen([sys.executable, "-c", child, sys.argv[1]], env=environment).wait()
@@ -154,7 +155,7 @@ def test_killed_node_is_named_and_its_end_is_everyones(scenario: Scenario, tmp_p
 
     def kill_fdi(_done: int, _ticks: int) -> None:
         if not killed:
-            killed.extend(pid for pid in child_pids() if "fdi_node" in command_line(pid))
+            killed.append(pid_of(FDI))
             os.kill(killed[0], signal.SIGKILL)
 
     with pytest.raises(RunError, match="node fdi died"):
@@ -215,8 +216,7 @@ def test_killed_recorder_loses_little(tmp_path: Path) -> None:
         done_before.append(done)
         called_s.append(time.monotonic())
         if done > 100 and called_s[-1] - called_s[-2] > 0.8:
-            (pid,) = (pid for pid in child_pids() if "recorder_node" in command_line(pid))
-            os.kill(pid, signal.SIGKILL)
+            os.kill(pid_of(RECORDER), signal.SIGKILL)
 
     with pytest.raises(RunError, match="node recorder died"):
         run_graph(load("nominal"), tmp_path, progress=kill_recorder)
@@ -270,9 +270,5 @@ def test_domain_in_use_is_refused(scenario: Scenario, tmp_path: Path) -> None:
         mine.release()
 
 
-def child_pids() -> list[int]:
-    return [child.pid for child in psutil.Process().children()]
-
-
-def command_line(pid: int) -> str:
-    return " ".join(psutil.Process(pid).cmdline())
+def pid_of(node: str) -> int:
+    return node_processes()[node].pid

@@ -16,6 +16,7 @@ from bringup.launch.node_parameters import node_arguments
 from bringup.launch.processes import ros_environment, start, stop
 from bringup.launch.supervisor import Supervisor
 from bringup.replay.feeder import Feeder
+from tests.design_files import design_parameters
 from tests.operator import Operator
 
 pytestmark = pytest.mark.ros
@@ -34,7 +35,7 @@ def command_of(feeder: Feeder, k: int, patience_s: float = 10.0) -> bytes | None
 
 
 def test_controller_acts_only_while_it_is_active(tmp_path: Path) -> None:
-    arguments = node_arguments(CONTROLLER, {}, tmp_path)
+    arguments = node_arguments(CONTROLLER, design_parameters(CONTROLLER, tmp_path), tmp_path)
     child = start(CONTROLLER, arguments, tmp_path, ros_environment())
     try:
         with Supervisor({CONTROLLER: child}, ros_environment()) as supervisor:
@@ -64,7 +65,12 @@ def test_controller_acts_only_while_it_is_active(tmp_path: Path) -> None:
 
 def test_a_transition_that_a_state_does_not_have_is_refused_and_nobody_dies(tmp_path: Path) -> None:
     """As when somebody types `ros2 lifecycle set /ac/gimc_controller activate` twice."""
-    child = start(CONTROLLER, node_arguments(CONTROLLER, {}, tmp_path), tmp_path, ros_environment())
+    child = start(
+        CONTROLLER,
+        node_arguments(CONTROLLER, design_parameters(CONTROLLER, tmp_path), tmp_path),
+        tmp_path,
+        ros_environment(),
+    )
     try:
         with Supervisor({CONTROLLER: child}, ros_environment()) as supervisor:
             for transition in (Transition.TRANSITION_ACTIVATE, Transition.TRANSITION_CLEANUP):

@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 
 from ac_common.topics import FDI
-from bringup.launch.process_table import PROCESSES
+from bringup.launch.node_parameters import node_arguments
 from bringup.launch.processes import FASTDDS_PROFILE, FASTDDS_THIS_HOST, ros_environment, start, stop
 from bringup.launch.supervisor import Supervisor
+from tests.design_files import design_parameters
 
 RANGE, PROFILE, MIDDLEWARE, PEERS = NAMES = (
     "ROS_AUTOMATIC_DISCOVERY_RANGE",
@@ -32,7 +33,7 @@ client = node.create_client(ListParameters, "/ac/fdi/list_parameters")
 assert client.wait_for_service(20.0)
 answer = client.call_async(ListParameters.Request())
 rclpy.spin_until_future_complete(node, answer, timeout_sec=20.0)
-print("operating_point" in answer.result().result.names, "{SHARED_MEMORY}" in open("/proc/self/maps").read())
+print("design_file" in answer.result().result.names, "{SHARED_MEMORY}" in open("/proc/self/maps").read())
 node.destroy_node()
 rclpy.shutdown()
 """
@@ -93,7 +94,8 @@ def test_node_uses_no_shared_memory_and_foreign_nodes_find_it(tmp_path: Path, mo
     for name in NAMES:
         monkeypatch.delenv(name, raising=False)
     strangers = dict(os.environ)  # before ours is in it
-    child = start(FDI, ["-m", PROCESSES[FDI].module, "--ros-args", "-r", "__ns:=/ac"], tmp_path, ros_environment())
+    own = {**design_parameters(FDI, tmp_path), "autostart": True}
+    child = start(FDI, node_arguments(FDI, own, tmp_path), tmp_path, ros_environment())
     try:
         with Supervisor({FDI: child}, ros_environment()) as supervisor:
             supervisor.wait_for({FDI: "active"})
@@ -114,16 +116,17 @@ def test_where_a_node_has_shared_memory_it_takes_it_along(tmp_path: Path, monkey
     for name in NAMES:
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv(RANGE, "SUBNET")
-    child = start(FDI, ["-m", PROCESSES[FDI].module, "--ros-args", "-r", "__ns:=/ac"], tmp_path, ros_environment())
+    own = {**design_parameters(FDI, tmp_path), "autostart": True}
+    child = start(FDI, node_arguments(FDI, own, tmp_path), tmp_path, ros_environment())
     try:
         with Supervisor({FDI: child}, ros_environment()) as supervisor:
             supervisor.wait_for({FDI: "active"})
         maps = Path(f"/proc/{child.process.pid}/maps").read_text()
         mapped = {line.split()[-1] for line in maps.splitlines() if SHARED_MEMORY in line}
-        own = [Path(file) for file in mapped if "_port" not in file]  # ports are those of others as well
-        assert own
+        segments = [Path(file) for file in mapped if "_port" not in file]  # ports are those of others as well
+        assert segments
         child.process.send_signal(signal.SIGTERM)
         assert child.process.wait(10) == 0
     finally:
         stop([child])
-    assert not [file for file in own if file.exists()]
+    assert not [file for file in segments if file.exists()]

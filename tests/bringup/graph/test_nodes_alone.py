@@ -11,6 +11,7 @@ from ac_common.topics import FDI, RECORDER
 from bringup.launch.process_table import PROCESSES
 from bringup.launch.processes import ros_environment, start, stop
 from bringup.launch.supervisor import Supervisor
+from tests.design_files import design_parameters
 
 pytestmark = pytest.mark.ros
 
@@ -23,7 +24,8 @@ ENDS = [(FDI, signal.SIGINT), *((name, (signal.SIGTERM, signal.SIGINT)[i % 2]) f
 
 @pytest.mark.parametrize(("name", "number"), ENDS)
 def test_starts_by_itself_and_ends_with_code_0(name: str, number: signal.Signals, tmp_path: Path) -> None:
-    own = ["-p", f"folder:={tmp_path / 'bag'}"] if name == RECORDER else []
+    parameters = design_parameters(name, tmp_path) | ({"folder": str(tmp_path / "bag")} if name == RECORDER else {})
+    own = [word for key, value in parameters.items() for word in ("-p", f"{key}:={value}")]
     arguments = ["-m", PROCESSES[name].module, "--ros-args", "-r", "__ns:=/ac", *own]
     child = start(name, arguments, tmp_path, ros_environment())
     try:
@@ -46,7 +48,7 @@ def test_health_does_not_wait_by_the_wall_clock() -> None:
 @pytest.mark.parametrize(
     ("module", "parameter", "said"),
     [
-        ("fdi_node", "operating_point:=medium", "allowed: low, med, high"),
+        ("fault_injector_node", "operating_point:=medium", "allowed: low, med, high"),
         ("fdi_node", "sample_time_s:=3.0", "sample_time_s"),
         ("fdi_node", "sample_time_s:=fast", "sample_time_s"),
         ("fault_injector_node", "noise_std:=[1.0, 2.0]", "allowed: three numbers"),

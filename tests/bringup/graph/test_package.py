@@ -27,7 +27,7 @@ def test_package_xml_agrees_with_pyproject() -> None:
 def test_what_is_imported_is_declared_and_the_recipe_for_colcon_has_it() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     declared = {re.split(r"[<>=\[]", text)[0] for text in project["dependencies"]}
-    names = {"PyYAML": "yaml", "Jinja2": "jinja2", "ros-jazzy-rclpy": "rclpy"}
+    names = {"Jinja2": "jinja2", "MarkupSafe": "markupsafe", "ros-jazzy-rclpy": "rclpy", "ruamel.yaml": "ruamel"}
     modules = {names.get(name, name) for name in declared if name != "ros-jazzy-common-interfaces"}
     used = set()
     for package in PACKAGES:
@@ -37,7 +37,7 @@ def test_what_is_imported_is_declared_and_the_recipe_for_colcon_has_it() -> None
     foreign = used - set(sys.stdlib_module_names) - set(PACKAGES) - messages
     assert foreign - {"ament_index_python"} <= modules  # that one belongs to rclpy
     recipe = (ROOT / "docs" / "ros2.md").read_text().partition("pip install")[2]
-    installed = {"numpy", "scipy", "PyYAML", "ros-jazzy-rclpy", "ros-jazzy-common-interfaces"}
+    installed = {"numpy", "scipy", "psutil", "ros-jazzy-rclpy", "ros-jazzy-common-interfaces"}
     assert [name for name in declared - installed if not re.search(rf"\b{name}\b", recipe)] == []
 
 

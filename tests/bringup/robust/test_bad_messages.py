@@ -20,6 +20,7 @@ from ac_ros_common.stuck_sensor import FROZEN_S, Frozen
 from bringup.launch.node_parameters import node_arguments
 from bringup.launch.processes import ros_environment, start, stop
 from bringup.launch.supervisor import Supervisor
+from tests.design_files import design_parameters
 
 P_E, SUPERHEAT, Q = "measured/evaporator_pressure", "measured/superheat", "compensator/q"
 VALUES = {
@@ -91,7 +92,7 @@ class Surroundings:
 @pytest.fixture(scope="module")
 def loop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Surroundings]:
     folder = tmp_path_factory.mktemp("alone")
-    arguments = node_arguments(CONTROLLER, {"mode": "realtime"}, folder)
+    arguments = node_arguments(CONTROLLER, {"mode": "realtime", **design_parameters(CONTROLLER, folder)}, folder)
     child = start(CONTROLLER, arguments, folder, ros_environment())
     try:
         with Supervisor({CONTROLLER: child}, ros_environment()) as supervisor:
