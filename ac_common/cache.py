@@ -8,7 +8,6 @@ import contextlib
 import hashlib
 import json
 import os
-import tempfile
 import zipfile
 from collections.abc import Callable, Mapping
 from importlib.util import find_spec
@@ -19,16 +18,18 @@ import numpy as np
 from numpy.typing import NDArray
 from platformdirs import user_cache_dir
 
+from ac_common.files import open_whole
+
 Arrays = dict[str, NDArray[Any]]
 
 
 def cache_folder() -> Path:
-    """Folder of the cache: `$ACFTC_CACHE_DIR`, or the user's cache folder of this system."""
+    """Return the folder of the cache: `$ACFTC_CACHE_DIR`, or the user's cache folder of this system."""
     return Path(os.environ.get("ACFTC_CACHE_DIR") or user_cache_dir("acftc"))
 
 
 def source_fingerprint(*packages: str) -> str:
-    """Hash of the source text of `packages`, without importing them.
+    """Return a hash of the source text of `packages`, without importing them.
 
     Files named `node.py` and `*_node.py` are left out: they only move messages.
     """
@@ -49,13 +50,13 @@ def compiled_folder(*packages: str) -> Path:
 
 
 def fingerprint(content: Mapping[str, Any]) -> str:
-    """Hash of JSON-like `content`, independent of the order of its keys."""
+    """Return a hash of JSON-like `content`, independent of the order of its keys."""
     text = json.dumps(content, sort_keys=True, allow_nan=True)
     return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 
 def cached(name: str, key: Mapping[str, Any], compute: Callable[[], Arrays]) -> Arrays:
-    """Arrays that `compute` returns, from the disk when it has run for this `key` before.
+    """Return the arrays that `compute` returns, from the disk when it has run for this `key` before.
 
     Parameters
     ----------
@@ -87,15 +88,8 @@ def _read(file: Path) -> Arrays | None:
 
 
 def _write(file: Path, arrays: Arrays) -> None:
-    """Store under a temporary name first: nodes that start together may all write, and none may read half a file."""
-    temporary = ""
-    try:
+    """Store arrays: nodes that start together may all write, and none may read half a file."""
+    with contextlib.suppress(OSError):  # a read-only or full disk costs time, not the result
         file.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".tmp", delete=False) as stream:
-            temporary = stream.name
+        with open_whole(file) as stream:
             np.savez(stream, **arrays)  # type: ignore[arg-type]
-        Path(temporary).replace(file)
-    except OSError:
-        # A read-only or full disk costs time, not the result; half a file would only make it fuller.
-        with contextlib.suppress(OSError):
-            Path(temporary).unlink()

@@ -3,7 +3,9 @@
 import contextlib
 import os
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
+from typing import IO
 
 from ac_common.errors import RunError
 
@@ -24,17 +26,23 @@ def write_whole(path: Path, content: str | bytes) -> None:
 
 
 def put_whole(path: Path, content: str | bytes) -> None:
-    """As `write_whole`, with the OSError as it comes."""
-    data = content.encode() if isinstance(content, str) else content
+    """Write as `write_whole` does, with the OSError as it comes."""
+    with open_whole(path) as file:
+        file.write(content.encode() if isinstance(content, str) else content)
+
+
+@contextlib.contextmanager
+def open_whole(path: Path) -> Iterator[IO[bytes]]:
+    """Give a file to write to that takes the place of `path` at the end, unless anything goes wrong."""
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
     try:
         with os.fdopen(handle, "wb") as file:
-            file.write(data)
+            yield file
             file.flush()
             os.fsync(handle)
         Path(temporary).chmod(0o666 & ~_umask())
         Path(temporary).replace(path)
-    except OSError:
+    except BaseException:
         with contextlib.suppress(OSError):
             Path(temporary).unlink()
         raise

@@ -23,7 +23,7 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from ac_common.errors import UserError
-from ac_common.files import put_whole
+from ac_common.files import open_whole, put_whole
 from ac_common.yaml_file import parsed, yaml_text
 from ac_ros_common.type_definitions import definition, type_hash
 
@@ -35,8 +35,6 @@ FLUSH_PERIOD_S = 0.25
 RUN_RECORD = "acftc"
 #: Name of the MCAP metadata record of a file that was cut short and has been given its end by `mend`.
 MENDED_RECORD = "acftc_mended"
-#: Suffix of a file that is being mended.
-UNFINISHED = ".mending"
 
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}
 
@@ -221,16 +219,13 @@ def mend(folder: Path) -> list[Path]:
         The files that were cut short.
     """
     cut = []
-    try:
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError, McapError):
         files = bag_files(folder)
         cut = [file for file in files if not _has_end(file)]
         for file in cut:
             _rewrite(file)
         if files and (cut or len(files) > 1):
             _count_anew(folder, files)
-    except (OSError, ValueError, KeyError, TypeError, McapError):
-        for unfinished in folder.glob(f"*{UNFINISHED}"):
-            unfinished.unlink()
     return cut
 
 
@@ -244,8 +239,7 @@ def _has_end(file: Path) -> bool:
 
 def _rewrite(file: Path) -> None:
     """Copy what can be read of a file into one that ends as it should."""
-    whole = file.with_suffix(UNFINISHED)
-    with file.open("rb") as source, whole.open("wb") as target:
+    with file.open("rb") as source, open_whole(file) as target:
         writer = _writer(target)
         writer.add_metadata(MENDED_RECORD, {})
         schemas: dict[int, int] = {}
@@ -265,7 +259,6 @@ def _rewrite(file: Path) -> None:
                     number = channels[record.channel_id]
                     writer.add_message(number, record.log_time, record.data, record.publish_time, record.sequence)
         writer.finish()  # type: ignore[no-untyped-call]
-    whole.replace(file)
 
 
 def _count_anew(folder: Path, files: Sequence[Path]) -> None:

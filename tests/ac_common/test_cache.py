@@ -1,12 +1,14 @@
 """A design is taken from the cache only when everything that decides it is the same."""
 
+import os
+import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ac_common.cache import source_fingerprint
+from ac_common.cache import cached, source_fingerprint
 from ac_design import FdiWeights
 from ac_design.store import cached_design
 from ac_plant_node.parameters.file import PLANT_VARIABLE
@@ -72,3 +74,25 @@ def test_a_damaged_file_is_computed_anew(design, tmp_path):
     file.write_bytes(file.read_bytes()[:50])
     assert design("med", 0.1) == 2
     assert np.load(file)["number"] == 2
+
+
+@pytest.mark.slow
+def test_everything_goes_into_the_folder_that_the_user_names(tmp_path):
+    """Property tables and compiled code, by a command that has to make both."""
+    named, usual = tmp_path / "named", tmp_path / "usual"
+    root = Path(source_fingerprint.__code__.co_filename).parents[1]
+    beside_the_sources = sorted(root.glob("ac_*/**/__pycache__/*.nb[ci]"))
+    places = {"ACFTC_CACHE_DIR": str(named), "XDG_CACHE_HOME": str(usual), "HOME": str(tmp_path / "home")}
+    command = [sys.executable, "-m", "bringup.cli", "equilibria", "--json"]
+    subprocess.run(command, env={**os.environ, **places}, cwd=root, capture_output=True, check=True, timeout=280)
+    assert [file.suffix for file in named.glob("tables-R134a-*")] == [".npz"]
+    assert list(named.glob("compiled-*/**/*.nbi"))
+    assert not usual.exists()
+    assert not (tmp_path / "home").exists()
+    assert sorted(root.glob("ac_*/**/__pycache__/*.nb[ci]")) == beside_the_sources
+
+
+def test_a_folder_that_cannot_be_written_costs_only_time(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("ACFTC_CACHE_DIR", str(tmp_path / "file" / "below"))
+    assert cached("test", {}, lambda: {"number": np.array(3)})["number"] == 3
