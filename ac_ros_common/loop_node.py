@@ -36,6 +36,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
+from ac_common.blas_threads import one_blas_thread
 from ac_common.design_file import design_name, from_file, to_bytes
 from ac_common.files import write_whole
 from ac_common.health import AS_USUAL
@@ -510,6 +511,7 @@ def run_node(make: Callable[[], NodeShell]) -> NoReturn:
 
     The exit code is 0 after SIGINT and SIGTERM, 1 when the node failed, 2 after bad input.
     """
+    one_blas_thread()
     end_with_parent()
     made: list[NodeShell] = []
     code = _run(make, made)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import click
 
+from ac_common.blas_threads import one_blas_thread
 from ac_common.errors import UserError, nearest, one_line
 from bringup.commands.options import examples
 
@@ -126,6 +127,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def entry() -> None:
     """Run the command line as a program."""
+    one_blas_thread()
     try:
         main()
     except SystemExit as end:

@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 
+from ac_common.blas_threads import one_blas_thread
 from ac_common.health import missed_ticks, reported
 from ac_common.topics import INJECTOR, NAMESPACE, PLANT, TOPICS
 from ac_experiments.bags.reader import RawBag, health_reports, read_bag, read_raw
@@ -130,6 +131,7 @@ def lost_messages(
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run, watch and judge."""
+    one_blas_thread()
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=7200.0)
     parser.add_argument("--rate", type=float, default=50.0, help="ticks a second (default 50)")

@@ -8,6 +8,7 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
+from ac_common.blas_threads import one_blas_thread
 from ac_experiments.designs import designs_at
 from ac_experiments.recording import Recording
 from ac_experiments.scenario import load
@@ -59,6 +60,7 @@ def plant_seconds(run: Recording, point: str) -> float:
 
 def main() -> None:
     """Print the figures."""
+    one_blas_thread()
     for noise in (False, True):
         loop, plant = loop_seconds(noise)
         what = "with noise" if noise else f"noise-free (bar {BAR_S:g} s)"

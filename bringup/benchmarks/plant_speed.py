@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ac_common.blas_threads import one_blas_thread
 from ac_plant_node.dynamics import balances as model
 from ac_plant_node.dynamics import integrator
 from ac_plant_node.dynamics.balances import INPUT_HIGH, INPUT_LOW
@@ -281,6 +282,7 @@ def first_step_s(cold: bool = False) -> float:
 
 def main() -> None:
     """Print the figures, and what else ran meanwhile as far as the load average tells."""
+    one_blas_thread()
     hours = int(sys.argv[1]) if len(sys.argv) > 1 else 10
     before = os.getloadavg()[0]
     for f in run_benchmarks(hours, say=lambda text: print(f"  ... {text}", file=sys.stderr, flush=True)):

@@ -15,6 +15,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import IO, Any
 
+from ac_common.blas_threads import VARIABLE as BLAS_THREADS
 from ac_common.errors import UserError
 from ac_ros_common.exit_watchdog import STOOD
 from ac_ros_common.process_exit import DISK_FULL, PARENT_VARIABLE, PATIENCE_S
@@ -36,8 +37,7 @@ def ros_environment() -> dict[str, str]:
         _RANGE: "LOCALHOST",
         _PROFILE: str(FASTDDS_PROFILE),
         "AMENT_PREFIX_PATH": sys.prefix,
-        # The matrices are small: threads would only cost memory and compete for the processors.
-        "OPENBLAS_NUM_THREADS": "1",
+        BLAS_THREADS: "1",
     }
     wanted = {name: value for name, value in defaults.items() if name not in os.environ}
     if os.environ.get(_RANGE, "LOCALHOST") == "LOCALHOST" and _may_use_this_host_profile():
