@@ -37,7 +37,7 @@ def campaign(seeds: int, seed: int | None, duration_s: float, out: Path | None, 
     range) and of the plant (f_N, f_p) together; afterwards the promises of docs/promises.md are checked on what was
     recorded. Exit code 1 when one was broken; --seed runs that one again.
     """
-    from bringup.fault_campaign.plan import plan
+    from ac_experiments.campaign.plan import plan
     from bringup.fault_campaign.run import as_dict, run_seed
 
     chosen = range(seeds) if seed is None else [seed]

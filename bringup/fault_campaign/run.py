@@ -21,10 +21,10 @@ from ac_common.units import KPA
 from ac_common.wire import NANOSECONDS, columns, stamps_ns
 from ac_design import design_controller
 from ac_experiments.bags.reader import RawBag, first_stamp_ns, health_reports, loop_messages, read_bag, read_raw
+from ac_experiments.campaign.checks import Evidence, Limits, Verdict, judge
+from ac_experiments.campaign.plan import Plan, ProcessFault, plan
 from ac_experiments.report.nodes import reports_of
 from bringup.benchmarks.figures import host_noise, start_host_noise
-from bringup.fault_campaign.checks import Evidence, Limits, Verdict, judge
-from bringup.fault_campaign.plan import Plan, ProcessFault, plan
 from bringup.launch.launch import GraphRun, run_graph
 from bringup.launch.user_nodes import UserNodes
 

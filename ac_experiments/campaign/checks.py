@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ac_common.health import Restart
 from ac_common.topics import COMPENSATOR, CONTROLLER, FDI, INJECTOR, PLANT, RECORDER
-from bringup.fault_campaign.plan import MessageFaultKind, Plan, ProcessFault
+from ac_experiments.campaign.plan import MessageFaultKind, Plan, ProcessFault
 
 #: A node that was killed is back in service within this, s.
 BACK_WITHIN_S = 3.0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ac_common.topics import BY_NAME, JOINTS, PRESSURE
 from ac_common.units import KPA, RPM
-from bringup.fault_campaign.plan import MessageFault
+from ac_experiments.campaign.plan import MessageFault
 
 #: The latest that a late message may be, s: more than a tick at 10 Hz.
 LATEST_S = 0.15
@@ -15,16 +15,16 @@ ICE_POINT_K = 273.15
 
 
 @dataclass(frozen=True)
-class Letter:
+class Delivery:
     """One message to be sent, `delay_s` from now."""
 
     delay_s: float
     values: tuple[float, ...]
 
 
-def mistreat(
+def with_faults(
     faults: Sequence[MessageFault], seed: int, topic: str, time_s: float, values: Sequence[float]
-) -> list[Letter]:
+) -> list[Delivery]:
     """Messages that are to be sent in place of one.
 
     Parameters
@@ -36,7 +36,7 @@ def mistreat(
     values
         Of the message, SI.
     """
-    letters = [Letter(0.0, tuple(values))]
+    sent = [Delivery(0.0, tuple(values))]
     for number, fault in enumerate(faults):
         rng = random.Random(f"{seed} {number} {topic} {time_s:.3f}")
         if not fault.start_s <= time_s < fault.end_s or rng.random() >= fault.share:
@@ -45,12 +45,12 @@ def mistreat(
             return []
         if fault.kind == "late":
             delay_s = rng.uniform(0.0, LATEST_S)
-            letters = [Letter(letter.delay_s + delay_s, letter.values) for letter in letters]
+            sent = [Delivery(delivery.delay_s + delay_s, delivery.values) for delivery in sent]
         elif fault.kind == "twice":
-            letters = [*letters, *letters]
+            sent = [*sent, *sent]
         else:
-            letters = [Letter(letter.delay_s, _spoiled(fault.kind, topic, letter.values)) for letter in letters]
-    return letters
+            sent = [Delivery(delivery.delay_s, _spoiled(fault.kind, topic, delivery.values)) for delivery in sent]
+    return sent
 
 
 def _spoiled(kind: str, topic: str, values: tuple[float, ...]) -> tuple[float, ...]:
