@@ -1,35 +1,26 @@
-"""Runs the plans of a campaign through the graph of processes, on the wall clock, and gathers what is left."""
+"""Runs the plans of a campaign through the graph of processes, on the wall clock."""
 
 import contextlib
 import json
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import psutil
 
 from ac_common.errors import UserError
 from ac_common.files import write_whole
-from ac_common.health import missed_ticks, reported
-from ac_common.topics import BY_NAME, COMPENSATOR, CONTROLLER, INJECTOR, PLANT
-from ac_common.units import KPA
-from ac_common.wire import NANOSECONDS, columns, stamps_ns
-from ac_design import design_controller
-from ac_experiments.bags.reader import RawBag, first_stamp_ns, health_reports, loop_messages, read_bag, read_raw
-from ac_experiments.campaign.checks import Evidence, Limits, Verdict, judge
+from ac_common.topics import INJECTOR
+from ac_experiments.campaign.checks import Verdict, judge
+from ac_experiments.campaign.evidence import gather
 from ac_experiments.campaign.plan import Plan, ProcessFault, plan
-from ac_experiments.report.nodes import reports_of
 from bringup.benchmarks.figures import host_noise, start_host_noise
-from bringup.launch.launch import GraphRun, run_graph
+from bringup.launch.launch import run_graph
 from bringup.launch.user_nodes import UserNodes
-
-COMMAND = BY_NAME["controller/command"]
-REJECTED, MISSING = "rejected/", "missing/"
 
 
 @dataclass(frozen=True)
@@ -77,7 +68,8 @@ def run_seed(seed: int, folder: Path, duration_s: float, progress: Callable[[int
     finally:
         attacker.end()
         noise = host_noise(probes)
-    evidence = gather(chosen, folder, run, problem, noise.stalls)
+    restarts = run.restarts if run is not None else ()
+    evidence = gather(chosen, folder / "bag", problem, restarts, _left(folder), noise.stalls)
     return Outcome(chosen, tuple(judge(evidence)), time.monotonic() - started_s)
 
 
@@ -128,57 +120,6 @@ def node_process(node: str, folder: Path) -> psutil.Process | None:
             if parameters in child.cmdline():
                 return child
     return None
-
-
-def gather(
-    chosen: Plan, folder: Path, run: GraphRun | None, problem: str, stalls: Sequence[tuple[float, float]]
-) -> Evidence:
-    """What a run has left, for the checks; `stalls` on the monotonic clock."""
-    scenario = chosen.scenario
-    design = design_controller(scenario.operating_point, scenario.sample_time_s)
-    limits = Limits(design.command_min, design.command_max, design.command_rate * scenario.sample_time_s)
-    recording, raw = read_bag(folder / "bag"), read_raw(folder / "bag")
-    messages = loop_messages(raw, COMMAND)
-    stamps = stamps_ns(messages)
-    order = np.argsort(stamps, kind="stable")
-    first = first_stamp_ns(raw)
-    first_s = first / NANOSECONDS + time.monotonic() - time.time()  # stamps are the wall clock's
-    rejected: dict[str, dict[str, int]] = {}
-    reports = list(health_reports(raw))
-    missed = missed_ticks([values for name, values in reports if name == PLANT], scenario.sample_time_s)
-    for name, values in reports:
-        for key, value in values.items():
-            if key.startswith(REJECTED) and value.isdecimal():
-                by_reason = rejected.setdefault(name, {})
-                reason = key.removeprefix(REJECTED)
-                by_reason[reason] = max(by_reason.get(reason, 0), int(value))
-    return Evidence(
-        plan=chosen,
-        problem=problem,
-        ticks=len(recording.time_s),
-        command=np.column_stack(columns(COMMAND, messages))[order],
-        command_s=(stamps[order] - first) / NANOSECONDS,
-        pressure_kpa=recording.series["plant/evaporator_pressure"] / KPA,
-        superheat_k=recording.series["plant/superheat"],
-        restarts=run.restarts if run is not None else (),
-        rejected=rejected,
-        limits=limits,
-        left=_left(folder),
-        told={each.tick for each in missed},
-        stand_ins=_stand_ins(raw),
-        stalls=[(due_s - first_s, woke_s - first_s) for due_s, woke_s in stalls],
-    )
-
-
-def _stand_ins(raw: RawBag) -> list[tuple[float, str, int, int]]:
-    """See `Evidence.stand_ins`."""
-    found = []
-    for report in reports_of(raw):
-        if report.node in (COMPENSATOR, CONTROLLER):
-            missing = [int(reported(report.values, key, 0.0)) for key in report.values if key.startswith(MISSING)]
-            ticks = int(reported(report.values, "ticks", 0.0))
-            found.append((report.time_s, report.node, ticks, max(missing, default=0)))
-    return found
 
 
 def _left(folder: Path) -> list[str]:

@@ -33,6 +33,7 @@ from ac_common.design_file import from_file, to_bytes
 from ac_common.health import health_of
 from ac_common.topics import FDI
 from ac_design import design_of
+from ac_experiments.bags.comparison import by_tick
 from ac_experiments.bags.reader import health_reports, read_bag, read_raw, run_of
 from ac_experiments.bags.recorder import BagWriter, RecordedTopic
 from ac_experiments.metrics import summarise
@@ -42,7 +43,7 @@ from ac_plant_node.drive_cycle import load_drive_cycle
 from bringup import cli
 from bringup.launch.process_table import PROCESSES
 from bringup.launch.user_nodes import user_nodes
-from bringup.replay.replay import _by_tick, _design, _parameters
+from bringup.replay.replay import _design, _parameters
 
 #: An input that takes longer has made its reader hang, s.
 PATIENCE_S = 10.0
@@ -103,7 +104,7 @@ def read_recording(file: Path) -> None:
     summarise(read_bag(file))
     raw = read_raw(file)
     health_of(health_reports(raw))
-    _by_tick(raw, FDI)
+    by_tick(raw, FDI)
     run, scenario = run_of(raw, file)
     with tempfile.TemporaryDirectory() as folder:
         _parameters(scenario, run["passive"], FDI, Path(folder))
