@@ -101,7 +101,7 @@ class Run(BaseModel):
 
 
 def run_of(raw: RawBag, bag: Path | str) -> tuple[dict[str, Any], Scenario]:
-    """What was run, checked, and its scenario.
+    """Return what was run, checked, and its scenario.
 
     Raises
     ------
@@ -122,7 +122,7 @@ def run_of(raw: RawBag, bag: Path | str) -> tuple[dict[str, Any], Scenario]:
 
 
 def loop_messages(raw: RawBag, topic: Topic) -> list[bytes]:
-    """Messages of a loop topic that are long enough to have a stamp; the recorder takes whatever is sent to it."""
+    """Return the messages of a loop topic that are long enough to have a stamp: anything may have been recorded."""
     return [data for _, data in raw.messages.get(f"{NAMESPACE}/{topic.name}", []) if len(data) >= SHORTEST_MESSAGE]
 
 
@@ -183,7 +183,7 @@ def read_bag(bag: Path | str) -> Recording:
 
 
 def first_stamp_ns(raw: RawBag) -> int:
-    """Stamp of tick 0, from which the scenario counts.
+    """Return the stamp of tick 0, from which the scenario counts.
 
     Our plant begins to beat when all nodes are there, so its first message is the first of all. Somebody else's may
     have beaten before; then it is the first message that the scenario player answered.
@@ -200,7 +200,7 @@ def first_stamp_ns(raw: RawBag) -> int:
 def _decoded(
     messages: dict[str, list[bytes]], rows: dict[str, NDArray[np.int64]], first: int
 ) -> tuple[dict[str, list[NDArray[np.float64]]], list[StatusRow], int]:
-    """Columns of every topic, the rows of ``fdi/status``, how many messages could be read; `rows` lose the others."""
+    """Return columns of every topic, the rows of ``fdi/status``, how many messages were read; `rows` lose the rest."""
     decoded: dict[str, list[NDArray[np.float64]]] = {}
     status: list[StatusRow] = []
     kept = 0
@@ -236,7 +236,7 @@ def _status(data: bytes, first: int) -> StatusRow | None:
 
 
 def _timing(health: dict[str, str]) -> dict[str, Any]:
-    """What the plant's last health report says of the wall clock; nothing where it does not say it."""
+    """Return what the plant's last health report says of the wall clock; nothing where it does not say it."""
     try:
         return {
             "wall_seconds": float(health["wall_seconds"]),
@@ -250,7 +250,7 @@ def _timing(health: dict[str, str]) -> dict[str, Any]:
 
 
 def _events(raw: RawBag, first: int, duration_ns: int) -> list[dict[str, Any]]:
-    """What nodes announced within the run, in order of time; each once, as reports tell it more than once."""
+    """Return what nodes announced within the run, in order of time; each once, as reports repeat it."""
     found: dict[tuple[float, str, str], None] = {}  # in the order of reports
     for name, values in health_reports(raw):
         try:
@@ -264,7 +264,7 @@ def _events(raw: RawBag, first: int, duration_ns: int) -> list[dict[str, Any]]:
 
 
 def health_reports(raw: RawBag) -> Iterator[tuple[str, dict[str, str]]]:
-    """All health reports in a bag: node name and figures, oldest first; what is no report is passed over."""
+    """Return all health reports in a bag: node name and figures, oldest first; what is no report is passed over."""
     for _, data in raw.messages.get("/diagnostics", []):
         try:
             found = read_diagnostics(data)
@@ -275,7 +275,7 @@ def health_reports(raw: RawBag) -> Iterator[tuple[str, dict[str, str]]]:
 
 
 def decode(topic: str, data: bytes) -> dict[str, Any]:
-    """Values of one serialised loop message: numbers by series key, a status by its own keys."""
+    """Return the values of one serialised loop message: numbers by series key, a status by its own keys."""
     described = BY_NAME[topic]
     if described.type == DIAGNOSTICS:
         return {key: value for status in read_diagnostics(data) for key, value in status.values.items()}

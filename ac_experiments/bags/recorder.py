@@ -49,7 +49,7 @@ class RecordedTopic:
     deadline_s: float | None = None
 
     def qos(self) -> dict[str, Any]:
-        """Offered QoS, as the metadata of a bag spells it."""
+        """Return the offered QoS, as the metadata of a bag spells it."""
         deadline = _FOREVER if self.deadline_s is None else {"sec": int(self.deadline_s), "nsec": 0}
         return {
             "history": "keep_last",
@@ -199,7 +199,7 @@ class IndexOnDisk:
 
 
 def bag_files(folder: Path) -> list[Path]:
-    """Files of a bag in the order in which they were written."""
+    """Return the files of a bag in the order in which they were written."""
 
     def number(file: Path) -> tuple[int, str]:
         suffix = file.stem.rpartition("_")[2]

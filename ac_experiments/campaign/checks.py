@@ -95,12 +95,12 @@ class Verdict:
 
 
 def run_goes_on(evidence: Evidence) -> Verdict:
-    """Whatever dies but the plant, the run comes to its end."""
+    """Check that the run comes to its end, whatever dies but the plant."""
     return Verdict("the run goes on to its end", not evidence.problem, evidence.problem)
 
 
 def killed_nodes_come_back(evidence: Evidence) -> Verdict:
-    """Every node that was killed is started again and works."""
+    """Check that every node that was killed is started again and works."""
     killed = [fault.node for fault in evidence.plan.processes if fault.kind == "kill"]
     back = [restart.node for restart in evidence.restarts if math.isfinite(restart.back_s)]
     lost = sorted(set(killed) - set(back))
@@ -110,7 +110,7 @@ def killed_nodes_come_back(evidence: Evidence) -> Verdict:
 
 
 def back_in_time(evidence: Evidence) -> Verdict:
-    """Each within three seconds."""
+    """Check that each is back within three seconds."""
     took = {r.node: r.back_s - r.died_s for r in evidence.restarts if math.isfinite(r.back_s)}
     if not took:
         return Verdict(f"back within {BACK_WITHIN_S:g} s", None)
@@ -120,27 +120,27 @@ def back_in_time(evidence: Evidence) -> Verdict:
 
 
 def only_killed_nodes_were_restarted(evidence: Evidence) -> Verdict:
-    """Nothing dies of itself, of bad messages, or of a neighbour's death."""
+    """Check that nothing dies of itself, of bad messages, or of a neighbour's death."""
     killed = [fault.node for fault in evidence.plan.processes if fault.kind == "kill"]
     others = [f"{restart.node} ({restart.reason[:80]})" for restart in evidence.restarts if restart.node not in killed]
     return Verdict("no other node dies", not others, ", ".join(others))
 
 
 def commands_are_numbers(evidence: Evidence) -> Verdict:
-    """Never a nan or inf on controller/command."""
+    """Check that controller/command has no nan and no inf."""
     bad = int(np.count_nonzero(~np.isfinite(evidence.command)))
     return Verdict("no nan on controller/command", bad == 0, f"{bad} of {evidence.command.size} values")
 
 
 def commands_keep_their_limits(evidence: Evidence) -> Verdict:
-    """Within 0-6000 rpm and 0-100 %."""
+    """Check that commands stay within 0-6000 rpm and 0-100 %."""
     limits = evidence.limits
     outside = int(np.count_nonzero((evidence.command < limits.low) | (evidence.command > limits.high)))
     return Verdict("commands within their limits", outside == 0, f"{outside} outside" if outside else "")
 
 
 def commands_do_not_jump(evidence: Evidence) -> Verdict:
-    """From one tick to the next no more than the rate limits allow, also across restarts of the controller."""
+    """Check that commands keep to their rate limits from tick to tick, also across restarts of the controller."""
     if len(evidence.command) < 2:
         return Verdict("no jump of the command", None)
     tick_s = evidence.plan.scenario.sample_time_s
@@ -151,7 +151,7 @@ def commands_do_not_jump(evidence: Evidence) -> Verdict:
 
 
 def no_command_is_missed(evidence: Evidence) -> Verdict:
-    """A command in every tick that the plant began, while controller, injector and recorder are alive and running.
+    """Check that each tick of the plant has a command, while controller, injector and recorder are alive and running.
 
     A tick in which the machine woke nobody is told, and not held against the graph.
     """
@@ -176,14 +176,14 @@ def no_command_is_missed(evidence: Evidence) -> Verdict:
 
 
 def disturbed(fault: ProcessFault, restarts: Sequence[Restart]) -> tuple[float, float]:
-    """From when to when a process fault may show in the recording, s."""
+    """Return from when to when a process fault may show in the recording, s."""
     ends = [r.back_s for r in restarts if r.node == fault.node and math.isfinite(r.back_s)]
     end_s = max([fault.at_s + fault.lasts_s, *ends])
     return fault.at_s - BEFORE_S, end_s + AFTERMATH_S
 
 
 def bad_messages_are_refused(evidence: Evidence) -> Verdict:
-    """What is no number, of another unit or out of range is counted by who refused it, and for that reason."""
+    """Check that what is no number, of another unit or out of range is refused, counted, and for that reason."""
     reasons = {REASONS[fault.kind] for fault in evidence.plan.messages if fault.kind in REASONS}
     if not reasons:
         return Verdict("bad messages are refused", None)
@@ -196,7 +196,7 @@ def bad_messages_are_refused(evidence: Evidence) -> Verdict:
 
 
 def plant_stays_where_it_is_safe(evidence: Evidence) -> Verdict:
-    """Evaporator pressure and superheat within what the plant stands."""
+    """Check that evaporator pressure and superheat stay within what the plant stands."""
     pressure, superheat = evidence.pressure_kpa, evidence.superheat_k
     if not np.isfinite(pressure).any():
         return Verdict("the plant stays safe", None)
@@ -206,7 +206,7 @@ def plant_stays_where_it_is_safe(evidence: Evidence) -> Verdict:
 
 
 def bag_is_complete(evidence: Evidence) -> Verdict:
-    """Every tick is in the bag or told as missed; a killed recorder loses what it had not flushed, and its absence."""
+    """Check that every tick is in the bag or told as missed, but for what a killed recorder had not flushed."""
     wanted = evidence.plan.scenario.ticks
     silent = np.flatnonzero(~np.isfinite(evidence.pressure_kpa))
     unexplained = np.setdiff1d(silent, np.array(sorted(evidence.told), dtype=np.int64))
@@ -220,7 +220,7 @@ def bag_is_complete(evidence: Evidence) -> Verdict:
 
 
 def in_step_again(evidence: Evidence) -> Verdict:
-    """Once all is over, compensator and controller have what they need in time: no lag stays behind."""
+    """Check that compensator and controller have their inputs in time once all is over: no lag stays behind."""
     promise = "in step again at the end"
     ends = [disturbed(fault, evidence.restarts)[1] - AFTERMATH_S for fault in evidence.plan.processes]
     calm_s = max([*ends, *(fault.end_s for fault in evidence.plan.messages)], default=0.0) + SETTLING_S
@@ -237,7 +237,7 @@ def in_step_again(evidence: Evidence) -> Verdict:
 
 
 def nothing_is_left_running(evidence: Evidence) -> Verdict:
-    """No process of the run is there after it."""
+    """Check that no process of the run is there after it."""
     return Verdict("nothing is left running", not evidence.left, ", ".join(evidence.left)[:200])
 
 
@@ -259,5 +259,5 @@ CHECKS: tuple[Callable[[Evidence], Verdict], ...] = (
 
 
 def judge(evidence: Evidence) -> list[Verdict]:
-    """All verdicts over one run."""
+    """Return all verdicts over one run."""
     return [check(evidence) for check in CHECKS]

@@ -25,7 +25,7 @@ class Delivery:
 def with_faults(
     faults: Sequence[MessageFault], seed: int, topic: str, time_s: float, values: Sequence[float]
 ) -> list[Delivery]:
-    """Messages that are to be sent in place of one.
+    """Return the messages that are to be sent in place of one.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ from ac_experiments.scenario_schema import Scenario
 ProcessFaultKind = Literal["kill", "stop"]
 MessageFaultKind = Literal["lost", "late", "twice", "nan", "wrong_unit", "out_of_range"]
 
-#: The plant is left out: it beats time, and its death is the end of a run.
+#: The plant is left out: it sets the pace, and its death is the end of a run.
 VICTIMS = (FDI, COMPENSATOR, CONTROLLER, INJECTOR, SCENARIO, RECORDER)
 MESSAGE_FAULTS: tuple[MessageFaultKind, ...] = ("lost", "late", "twice", "nan", "wrong_unit", "out_of_range")
 #: Process faults lie so far apart that one is over before the next begins, s.
@@ -63,7 +63,7 @@ class Plan:
     messages: tuple[MessageFault, ...]
 
     def lines(self) -> list[str]:
-        """Everything that happens, in words."""
+        """Return, in words, everything that happens."""
         plant = [
             f"f_N {fault.size_rpm:+.0f} rpm {fault.profile} at {fault.onset_s:.0f} s"
             if fault.kind == "compressor_speed"

@@ -29,7 +29,7 @@ class Experiment:
 
     @property
     def verdict(self) -> str:
-        """The worst verdict among the findings that were judged."""
+        """Return the worst verdict among the findings that were judged."""
         verdicts = {finding.verdict for finding in self.findings}
         return next((verdict for verdict in (DIFFERS, AGREES, BETTER, NOTED) if verdict in verdicts), LEFT_OUT)
 

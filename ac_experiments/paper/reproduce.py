@@ -128,7 +128,7 @@ def isolation() -> Experiment:
 
 
 def _cross_talk(run: Recording, whose: str) -> list[Finding]:
-    """How much each fault moves the other's residual, in per cent of the other fault."""
+    """Return how much each fault moves the other's residual, in per cent of the other fault."""
     onset_n, onset_p = _onsets(run)
     r_n, r_p = _residuals(run)
     only_n, both = (run.time_s >= onset_n) & (run.time_s < onset_p), run.time_s >= onset_p
@@ -341,7 +341,7 @@ def _accommodation(
 
 
 def _medium_poles_at(point: str, block: str) -> list[Finding]:
-    """Slowest pole of the linear loop with the medium point's Q, and the factor on q up to which it is stable."""
+    """Return the slowest pole of the linear loop with the medium Q, and the factor on q up to which it is stable."""
     from ac_design.analysis.loop_stability import medium_at
 
     found = []
@@ -353,7 +353,7 @@ def _medium_poles_at(point: str, block: str) -> list[Finding]:
 
 
 def _unstable(findings: list[Finding]) -> str:
-    """Where the medium point's Q has a pole above zero, in words."""
+    """Return where the medium point's Q has a pole above zero, in words."""
     end = ": slowest pole"
     poles = [f for f in findings if f.quantity.endswith(end) and f.ours is not None]
     wrong = [
@@ -363,7 +363,7 @@ def _unstable(findings: list[Finding]) -> str:
 
 
 def _medium_compensator_at(point: str, name: str, medium: Designs) -> list[Finding]:
-    """Peak of p_e off its reference with the point's own designs, with the medium Q, and with its observer as well."""
+    """Return the peak of p_e off its reference: with the point's designs, the medium Q, and its observer as well."""
     scenario = load(name, [f"operating_point={point}"])
     own = designs_at(point, scenario.sample_time_s)
     foreign = replace(medium.fdi, input_rest=own.fdi.input_rest, output_rest=own.fdi.output_rest)
@@ -387,7 +387,7 @@ def _medium_compensator_at(point: str, name: str, medium: Designs) -> list[Findi
 def _largest_singular_value(
     design: Any, rows: slice, frequencies: NDArray[np.float64], sample_time_s: float
 ) -> NDArray[np.float64]:
-    """Largest singular value of one compensator over frequency, in rpm and % over kPa, K, K."""
+    """Return the largest singular value of one compensator over frequency, in rpm and % over kPa, K, K."""
     to_units = np.array([1.0 / RPM, 100.0])[:, None] * np.array([KPA, 1.0, 1.0])
     c, d, identity = design.c[rows], design.d[rows], np.eye(len(design.a))
     gains = []
@@ -425,12 +425,12 @@ def _settled(run: Recording, onset_s: float, until_s: float = math.inf) -> NDArr
 
 
 def _worst(values: NDArray[np.float64], wanted: float) -> float:
-    """Value that is furthest from the one wanted."""
+    """Return the value that is furthest from the one wanted."""
     return float(values[np.argmax(np.abs(values - wanted))])
 
 
 def _part_within(values: NDArray[np.float64], wanted: float, allowed: float) -> float:
-    """Part of the ticks at which a value is no further than `allowed` from the one wanted."""
+    """Return the part of the ticks at which a value is no further than `allowed` from the one wanted."""
     return float(np.mean(np.abs(values - wanted) <= allowed))
 
 

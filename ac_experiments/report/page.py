@@ -80,7 +80,7 @@ def render(
     first_tick_s: float = 0.0,
     pictures: Path | None = None,
 ) -> str:
-    """Text of the report; see `write_report`. With `pictures` the still pictures are written, too."""
+    """Return the text of the report; see `write_report`. With `pictures` the still pictures are written, too."""
     if beside is not None:
         beside = cut(beside, float(recording.time_s[-1]))  # a run that was cut short is compared as far as it goes
     summary = summarise(recording)

@@ -5,7 +5,7 @@ messages with a new stamp. Same topics, types, QoS, processes and order within a
 every message serialised and drops it.
 
 ``python -m bringup.benchmarks.bare_chain NODE TICKS PERIOD_S`` is one process; it says ``ready`` when its outputs have
-found their readers. The plant then waits for a line on its standard input, beats TICKS times (as fast as it goes, or
+found their readers. The plant then waits for a line on its standard input, begins TICKS ticks (as fast as it goes, or
 every PERIOD_S) and prints its figures as JSON.
 """
 
@@ -132,8 +132,8 @@ class BareNode(Node):  # type: ignore[misc]
         self.received += 1
 
 
-def beat(node: BareNode, executor: SingleThreadedExecutor, ticks: int, period_s: float) -> dict[str, float]:
-    """Beat time for the chain: the plant's part."""
+def set_pace(node: BareNode, executor: SingleThreadedExecutor, ticks: int, period_s: float) -> dict[str, float]:
+    """Set the pace of the chain: the plant's part."""
     outputs = STAGES[PLANT][0][1]
     latencies_s: list[float] = []
     done: list[int] = []
@@ -172,7 +172,7 @@ def main() -> int:
         print("ready", flush=True)
         if name == PLANT:
             sys.stdin.readline()
-            print(json.dumps(beat(node, executor, ticks, period_s)), flush=True)
+            print(json.dumps(set_pace(node, executor, ticks, period_s)), flush=True)
         node.create_timer(IDLE_S, lambda: None)  # a wait without bound may miss that it is to end: see IDLE_S
         executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):

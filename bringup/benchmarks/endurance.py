@@ -64,7 +64,7 @@ class Watch:
 
 
 def node_memory_mb() -> dict[str, float]:
-    """Resident memory of each node that is a child of this process."""
+    """Return the resident memory of each node that is a child of this process."""
     found = {}
     for name, process in node_processes().items():
         with contextlib.suppress(psutil.Error):  # gone meanwhile
@@ -73,14 +73,14 @@ def node_memory_mb() -> dict[str, float]:
 
 
 def dropped_datagrams() -> int:
-    """How many UDP datagrams have found their receiver's buffer full since this machine started."""
+    """Return how many UDP datagrams have found their receiver's buffer full since this machine started."""
     lines = Path("/proc/net/snmp").read_text().splitlines()
     names, values = (line.split() for line in lines if line.startswith("Udp:"))
     return int(values[names.index("RcvbufErrors")])
 
 
 def growth_mb(time_s: Sequence[float], memory_mb: Sequence[float], first_s: float) -> float:
-    """How much memory has grown after the first `first_s`: median of the last quarter minus that of the first one."""
+    """Return the growth of memory after the first `first_s`: median of the last quarter minus that of the first one."""
     times, memory = np.array(time_s), np.array(memory_mb)
     after = memory[times >= first_s]
     if len(after) < 4:
@@ -90,7 +90,7 @@ def growth_mb(time_s: Sequence[float], memory_mb: Sequence[float], first_s: floa
 
 
 def sustained_mb(time_s: Sequence[float], memory_mb: Sequence[float], first_s: float) -> float:
-    """Growth that goes on: twice the smaller of the growths of the two halves of what follows the first `first_s`.
+    """Return the growth that goes on: twice the smaller of the growths of both halves after the first `first_s`.
 
     A leak shows in both halves. A queue that once had to be longer, because the machine gave a node no time for a
     while, keeps its memory afterwards: that is a step in one of them.
@@ -106,7 +106,7 @@ def sustained_mb(time_s: Sequence[float], memory_mb: Sequence[float], first_s: f
 
 
 def missing_messages(raw: RawBag, ticks: int) -> dict[str, int]:
-    """How many messages of each loop topic are not in the bag."""
+    """Return how many messages of each loop topic are not in the bag."""
     counts = {topic.name: len(raw.messages.get(f"{NAMESPACE}/{topic.name}", [])) for topic in TOPICS}
     return {name: ticks - count for name, count in counts.items() if count < ticks}
 
@@ -114,7 +114,7 @@ def missing_messages(raw: RawBag, ticks: int) -> dict[str, int]:
 def lost_messages(
     missing: Mapping[str, int], missed: int, reports: Iterable[tuple[str, Mapping[str, str]]]
 ) -> dict[str, int]:
-    """Those of the `missing` messages, by topic, that cannot have stayed unsent.
+    """Return those of the `missing` messages, by topic, that cannot have stayed unsent.
 
     In a missed tick any may have. And the injector does not send on what has not come from the plant in time; it counts
     such ticks in its health `reports` (``missing/plant/...``, its last one tells).

@@ -131,13 +131,13 @@ class _Use:
             self._first = self._last
 
     def processor_percent(self) -> float:
-        """Share of one core that all children together took."""
+        """Return the share of one core that all children together took."""
         if self._first is None or self._last[0] <= self._first[0]:
             return float("nan")
         return 100.0 * (self._last[1] - self._first[1]) / (self._last[0] - self._first[0])
 
     def memory_mb(self) -> dict[str, float]:
-        """Largest resident memory of each node."""
+        """Return the largest resident memory of each node."""
         return self._memory
 
 
@@ -186,7 +186,7 @@ def host_noise(probes: "list[subprocess.Popen[str]]") -> HostNoise:
 
 
 def bare_chain(ticks: int, period_s: float = 0.0) -> dict[str, float]:
-    """Figures of the bare chain over `ticks`: see `bringup.benchmarks.bare_chain`."""
+    """Return the figures of the bare chain over `ticks`: see `bringup.benchmarks.bare_chain`."""
     domain = Domain()
     try:
         return _bare_chain(ticks, period_s, domain.number)
@@ -231,12 +231,12 @@ def _bare_chain(ticks: int, period_s: float, domain: int) -> dict[str, float]:
 
 
 def _line(process: "subprocess.Popen[str]", patience_s: float) -> str:
-    """The one line that a process says next; nothing when it has ended, or takes longer."""
+    """Return the one line that a process says next; nothing when it has ended, or takes longer."""
     assert process.stdout is not None
     says, _, _ = select.select([process.stdout], [], [], patience_s)
     return process.stdout.readline().strip() if says else ""
 
 
 def as_dicts(figures: list[Figure]) -> list[dict[str, Any]]:
-    """The figures for JSON."""
+    """Return the figures for JSON."""
     return [{**asdict(figure), "name": figure.name.strip(), "passed": figure.passed} for figure in figures]

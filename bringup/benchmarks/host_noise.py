@@ -70,7 +70,7 @@ def main() -> int:
 def missed_by_us(
     missed: Iterable[MissedTick], sample_time_s: float, stalls: Sequence[tuple[float, float]]
 ) -> list[MissedTick]:
-    """Those of the missed ticks that our code has missed, not the machine that stood still.
+    """Return those of the missed ticks that our code has missed, not the machine that stood still.
 
     A process above the loop's priority that does nothing was not woken in time: that cannot be the loop's doing. A tick
     is the machine's when it stood still, on any processor, for `STALL_S` of it in all, or for as long as the command
@@ -98,7 +98,7 @@ def missed_by_us(
 
 
 def lost_s(stalls: NDArray[np.float64], began_s: float, end_s: float) -> float:
-    """For how much of the time from `began_s` to `end_s` the machine stood still, on any processor.
+    """Return for how much of the time from `began_s` to `end_s` the machine stood still, on any processor.
 
     Parameters
     ----------

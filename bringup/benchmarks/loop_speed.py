@@ -22,12 +22,12 @@ BAR_S = 0.5
 
 
 def standing(noise: bool) -> Scenario:
-    """Both faults after a manoeuvre, 1000 s; noise as the sensors have it makes the commands jump at every tick."""
+    """Return a scenario of 1000 s: a manoeuvre, then both faults; with noise the commands jump at every tick."""
     return load(SCENARIO, ["duration_s=1000", *([NOISE] if noise else [])])
 
 
 def loop_seconds(noise: bool, repeats: int = 5) -> tuple[float, float]:
-    """Seconds for 1000 s at 10 Hz with manoeuvre, both faults and accommodation; and those of the plant alone.
+    """Return the seconds for 1000 s at 10 Hz with manoeuvre, faults and accommodation, and those of the plant alone.
 
     Processor time of this process (one thread), the least of `repeats`, loop and plant in turn, after a warm-up.
     """
@@ -44,13 +44,13 @@ def loop_seconds(noise: bool, repeats: int = 5) -> tuple[float, float]:
 
 
 def plant_inputs(run: Recording) -> NDArray[np.float64]:
-    """What the plant got in a run: one row of four a tick."""
+    """Return what the plant got in a run: one row of four a tick."""
     keys = ("actuator/command:compressor", "actuator/command:expansion_valve", "scenario/air:evaporator_air")
     return np.column_stack([run.series[key] for key in (*keys, "scenario/air_inlet_temperature")])
 
 
 def plant_seconds(run: Recording, point: str) -> float:
-    """Seconds that the plant takes for the inputs of a run."""
+    """Return the seconds that the plant takes for the inputs of a run."""
     inputs, plant, sample_time_s = plant_inputs(run), Plant.at(point), run.metadata["sample_time_s"]
     started = time.process_time()
     for held in inputs:

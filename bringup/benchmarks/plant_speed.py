@@ -27,7 +27,7 @@ Say = Callable[[str], None]
 
 
 def run_benchmarks(hours: int = 10, say: Say = lambda _: None) -> list[Figure]:
-    """All figures of the plant.
+    """Return all figures of the plant.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def run_benchmarks(hours: int = 10, say: Say = lambda _: None) -> list[Figure]:
 
 
 def _best(function: Callable[[], None], rounds: int) -> float:
-    """Shortest time (s) of some rounds: what the code takes when nothing else takes the processor."""
+    """Return the shortest time (s) of some rounds: what the code takes when nothing else takes the processor."""
     times = []
     for _ in range(rounds):
         start = time.perf_counter()
@@ -79,7 +79,7 @@ def _rhs_loop(
 
 
 def rhs_time_us(n: int = 10000) -> float:
-    """Time of one compiled right-hand side at the medium point, its state moved by 1e-4 from call to call."""
+    """Return the time of a compiled right-hand side at the medium point, its state moved by 1e-4 from call to call."""
     parameters, point = load_parameters(), operating_point("med")
     tab = load_tables(parameters.refrigerant)
     guess, z, ds, aux = model.new_workspace()
@@ -93,7 +93,7 @@ def rhs_time_us(n: int = 10000) -> float:
 
 
 def coolprop_rhs_time_us(n: int = 40) -> float:
-    """The same with CoolProp instead of tables, in plain Python."""
+    """Return the same time with CoolProp instead of tables, in plain Python."""
     from ac_plant_node.coolprop_model import CoolPropModel
 
     point, direct = operating_point("med"), CoolPropModel()
@@ -122,7 +122,7 @@ def _pressures(tolerance: float) -> NDArray[np.float64]:
 
 
 def transient(tolerance: float) -> tuple[float, float]:
-    """Time (ms) of 1000 s after a step of every input, and the largest error of p_e (Pa) on the way."""
+    """Return the time (ms) of 1000 s after a step of every input, and the largest error of p_e (Pa) on the way."""
     w = _transient_inputs()
     times = []
     for _ in range(7):
@@ -134,7 +134,7 @@ def transient(tolerance: float) -> tuple[float, float]:
 
 
 def transient_with_bdf(rtol: float) -> tuple[float, float]:
-    """The same by scipy's BDF on the right-hand side that calls CoolProp.
+    """Return the same figures by scipy's BDF on the right-hand side that calls CoolProp.
 
     BDF gets a Jacobian by differences large enough for CoolProp's iterative flashes: its own are lost in their noise.
     """
@@ -178,7 +178,7 @@ class Interval(NamedTuple):
 
 
 def random_holds(seed: int) -> Iterator[tuple[NDArray[np.float64], int]]:
-    """One hour of random inputs over the permitted box: what is held, and for how many intervals of 0.1 s."""
+    """Return one hour of random inputs over the permitted box: what is held, and for how many intervals of 0.1 s."""
     rng, left = np.random.default_rng(seed), 36000
     while left > 0:
         w = rng.uniform(INPUT_LOW, INPUT_HIGH)
@@ -190,7 +190,7 @@ def random_holds(seed: int) -> Iterator[tuple[NDArray[np.float64], int]]:
 
 
 def accuracy(seeds: int = 5) -> list[Figure]:
-    """Errors of the outputs under random inputs, kinks included, against tolerance 1e-8; half an hour of each seed."""
+    """Return the errors of the outputs under random inputs against tolerance 1e-8; half an hour of each seed."""
     errors = []
     for seed in range(seeds):
         plant, exact = Plant.at(POINTS[seed % 3]), Plant.at(POINTS[seed % 3], 1.0e-8)
@@ -205,7 +205,7 @@ def accuracy(seeds: int = 5) -> list[Figure]:
 
 
 def _longest(start: Plant, w: NDArray[np.float64], attempts: list[float]) -> Interval:
-    """The interval of a hold in which the integrator tried most steps; the plant is brought there again."""
+    """Return the interval of a hold in which the integrator tried most steps; the plant is brought there again."""
     k = int(np.argmax(attempts))
     plant = start.copy()
     for _ in range(k):
@@ -214,7 +214,7 @@ def _longest(start: Plant, w: NDArray[np.float64], attempts: list[float]) -> Int
 
 
 def random_inputs(hours: int, kept: int = 40, rounds: int = 50) -> list[Figure]:
-    """Intervals of 0.1 s under random inputs: their time, the balances, and the bounds that outputs stay in.
+    """Run intervals of 0.1 s under random inputs: their time, the balances, and the bounds that outputs stay in.
 
     The longest interval is looked for by what the integrator does in it, which no other job on the machine can change:
     the `kept` intervals with most steps tried. Each of them is then run `rounds` times from the very same state, and
@@ -253,7 +253,7 @@ def random_inputs(hours: int, kept: int = 40, rounds: int = 50) -> list[Figure]:
 
 
 def _again(intervals: list[Interval], rounds: int) -> list[float]:
-    """Shortest time (s) of each interval run again and again from the same state.
+    """Return the shortest time (s) of each interval run again and again from the same state.
 
     All of them in turn, so that the repeats of one are spread over seconds: a neighbour on the same core that slows
     everything for a while is then not taken for the plant.
@@ -269,7 +269,7 @@ def _again(intervals: list[Interval], rounds: int) -> list[float]:
 
 
 def first_step_s(cold: bool = False) -> float:
-    """Seconds from the start of a Python process to its first step of the plant."""
+    """Return the seconds from the start of a Python process to its first step of the plant."""
     code = "import ac_plant_node; ac_plant_node.Plant.at('med').advance(0.1)"
     with tempfile.TemporaryDirectory(prefix="acftc-cold-") as folder:
         environment = dict(os.environ, XDG_CACHE_HOME=folder) if cold else None

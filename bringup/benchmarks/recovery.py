@@ -67,7 +67,7 @@ def recovery(out: Path) -> list[Figure]:
 
 
 def _first_report_ns(bag: Path) -> float:
-    """When the bag's first report of the unexpected publisher was written."""
+    """Return when the bag's first report of the unexpected publisher was written."""
     for log_ns, data in read_raw(bag).messages["/diagnostics"]:
         for status in read_diagnostics(data):
             if status.name.endswith(f"/{BRINGUP}") and any(

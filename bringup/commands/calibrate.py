@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bringup.commands.console import print_json, print_table, say
-from bringup.commands.options import examples, json_option
+from bringup.commands.options import examples, json_option, path_option
 
 if TYPE_CHECKING:
     from ac_plant_node import OperatingPoint, Parameters
@@ -21,26 +21,19 @@ if TYPE_CHECKING:
     ),
     short_help="Fit the plant's maps to a table of operating points.",
 )
-@click.option(
+@path_option(
     "--points",
     "table",
     metavar="FILE",
-    type=click.Path(path_type=Path),
     help="Operating points, three or more: YAML, see docs/plant.md. Default: those of the parameters, or Table I.",
 )
-@click.option(
+@path_option(
     "--parameters",
     "given",
     metavar="FILE",
-    type=click.Path(path_type=Path),
     help="Refrigerant, charge, geometry, ...: what is not in the file is as in the built-in plant.",
 )
-@click.option(
-    "--out",
-    metavar="FILE",
-    type=click.Path(path_type=Path),
-    help="Write the calibrated plant here, for `acftc --plant FILE`.",
-)
+@path_option("--out", metavar="FILE", help="Write the calibrated plant here, for `acftc --plant FILE`.")
 @json_option
 def calibrate(table: Path | None, given: Path | None, out: Path | None, as_json: bool) -> None:
     """Fit the maps of compressor and valve to operating points, and show them beside the parameters' own.

@@ -10,7 +10,7 @@ import click
 
 from ac_common.errors import RunError, UserError
 from bringup.commands.console import print_json, print_table, progress_bar, say
-from bringup.commands.options import examples, json_option
+from bringup.commands.options import examples, json_option, path_option
 
 if TYPE_CHECKING:
     from bringup.fault_campaign.run import Outcome
@@ -26,9 +26,7 @@ if TYPE_CHECKING:
 @click.option("--seeds", default=10, show_default=True, type=click.IntRange(1, 100_000), help="Seeds 0 to N-1.")
 @click.option("--seed", type=click.IntRange(0, 2**31 - 1), help="This seed only.")
 @click.option("--duration", "duration_s", default=24.0, show_default=True, help="Length of each run, s.")
-@click.option(
-    "--out", metavar="DIR", type=click.Path(path_type=Path), help="Keep bags, logs and plans here. Default: nowhere."
-)
+@path_option("--out", metavar="DIR", help="Keep bags, logs and plans here. Default: nowhere.")
 @json_option
 def campaign(seeds: int, seed: int | None, duration_s: float, out: Path | None, as_json: bool) -> None:
     """Run a fault campaign through the graph, on the wall clock at 10 Hz.

@@ -65,7 +65,7 @@ def steps_of(progress: Progress, total: int) -> Callable[[str], None]:
 
 
 def digits(value: float | None) -> str:
-    """Four digits, or a dash where there is no number."""
+    """Format a number in four digits, or a dash where there is none."""
     return "–" if value is None or not math.isfinite(value) else f"{value:.4g}"
 
 

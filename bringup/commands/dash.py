@@ -12,7 +12,7 @@ from bringup.commands.options import OneOf, examples
 
 @click.command(
     epilog=examples(
-        "acftc dash                          a graph of its own, unless one is running",
+        "acftc dash                          a private graph, unless one is running",
         "ROS_DOMAIN_ID=7 acftc dash          beside the graph in that ROS domain",
         "acftc dash --host 0.0.0.0           for other machines, too: the address then holds a token",
     ),
@@ -33,7 +33,7 @@ from bringup.commands.options import OneOf, examples
     type=OneOf(["low", "med", "high"]),
     default="med",
     show_default=True,
-    help="Operating point of a graph of its own.",
+    help="Operating point of a private graph.",
 )
 @click.option("--no-browser", is_flag=True, help="Print the address, and open no browser.")
 def dash(host: str, port: int | None, point: str, no_browser: bool) -> None:
@@ -47,20 +47,20 @@ def dash(host: str, port: int | None, point: str, no_browser: bool) -> None:
 
     address = listen(host, port or 0)
     with ExitStack() as stack:
-        domain, own = find_or_start(point)
-        if own is not None:
-            stack.enter_context(own)
+        domain, private = find_or_start(point)
+        if private is not None:
+            stack.enter_context(private)
         from bringup.dash.link import Link
 
-        link = Link(domain, is_starting=own is not None)
+        link = Link(domain, is_starting=private is not None)
         stack.callback(link.close)
-        what = "a graph of its own" if own is not None else "the running graph"
+        what = "a private graph" if private is not None else "the running graph"
         say(f"{address.url} shows {what} in ROS domain {domain}; Ctrl-C ends it")
         if not no_browser:
             open_browser(address.url)
-        serve(address, link, (lambda: own.problem) if own is not None else (lambda: ""))
-        if own is not None and own.problem:
-            raise RunError(own.problem)
+        serve(address, link, (lambda: private.problem) if private is not None else (lambda: ""))
+        if private is not None and private.problem:
+            raise RunError(private.problem)
 
 
 dash_option = click.option(

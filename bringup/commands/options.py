@@ -1,6 +1,6 @@
 """What several commands share: options, arguments that complete in the shell, the examples at the end of help."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +61,7 @@ class SettingType(click.ParamType[str]):
 
 
 def _keys(content: Any, prefix: str = "") -> Iterator[str]:
-    """Dotted keys of everything in a scenario that holds a value."""
+    """Return the dotted keys of everything in a scenario that holds a value."""
     items = content.items() if isinstance(content, dict) else enumerate(content) if isinstance(content, list) else ()
     for key, value in items:
         if isinstance(value, dict | list) and value:
@@ -90,6 +90,11 @@ class NodeType(click.ParamType[str]):
         return [CompletionItem(name) for name in self.names if name.startswith(incomplete)]
 
 
+def path_option(*names: str, **how: Any) -> Callable[[Any], Any]:
+    """Return an option whose value is a path; `names` and the rest as of `click.option`."""
+    return click.option(*names, type=click.Path(path_type=Path), **how)
+
+
 scenario_argument = click.argument("scenario", metavar="SCENARIO", type=ScenarioType())
 bag_argument = click.argument("bag", metavar="BAG", type=click.Path(path_type=Path))
 passive_option = click.option("--passive", is_flag=True, help="K0 alone: the compensator stays silent.")
@@ -101,11 +106,8 @@ set_option = click.option(
     multiple=True,
     help="Change one value of the scenario, for instance faults.0.size_rpm=60. May be given again.",
 )
-out_option = click.option(
-    "--out",
-    metavar="DIR",
-    type=click.Path(path_type=Path),
-    help="Folder for the results; made when missing. Default: results/SCENARIO.",
+out_option = path_option(
+    "--out", metavar="DIR", help="Folder for the results; made when missing. Default: results/SCENARIO."
 )
 force_option = click.option("--force", is_flag=True, help="Overwrite the recording of an earlier run in DIR.")
 report_option = click.option(

@@ -7,7 +7,7 @@ import click
 
 from ac_common.errors import UserError
 from bringup.commands.console import print_json, say
-from bringup.commands.options import bag_argument, examples, json_option
+from bringup.commands.options import bag_argument, examples, json_option, path_option
 from bringup.commands.outcome import companion, make_folder, write_page
 
 if TYPE_CHECKING:
@@ -23,11 +23,10 @@ if TYPE_CHECKING:
     short_help="Write the report of a recorded run.",
 )
 @bag_argument
-@click.option("--out", metavar="FILE", type=click.Path(path_type=Path), help="Default: report.html beside the bag.")
-@click.option(
+@path_option("--out", metavar="FILE", help="Default: report.html beside the bag.")
+@path_option(
     "--beside",
     metavar="BAG",
-    type=click.Path(path_type=Path),
     help="A passive (or active) run to draw beside this one. Default: a simulation of the same scenario.",
 )
 @click.option("--alone", is_flag=True, help="Draw no other run beside this one.")

@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from bringup.commands.console import digits, print_json, print_table, progress_bar, say, steps_of
-from bringup.commands.options import examples, json_option
+from bringup.commands.options import examples, json_option, path_option
 from bringup.commands.outcome import make_folder
 
 #: How many experiments there are, E1 to E8.
@@ -20,12 +20,9 @@ EXPERIMENTS = 8
     ),
     short_help="Run the paper's experiments E1-E8.",
 )
-@click.option("--out", metavar="DIR", type=click.Path(path_type=Path), default=Path("results/paper"), show_default=True)
-@click.option(
-    "--cycle",
-    metavar="FILE",
-    type=click.Path(path_type=Path),
-    help="Drive cycle for E8, CSV or EPA's two-column text; without it E8 is left out.",
+@path_option("--out", metavar="DIR", default=Path("results/paper"), show_default=True)
+@path_option(
+    "--cycle", metavar="FILE", help="Drive cycle for E8, CSV or EPA's two-column text; without it E8 is left out."
 )
 @json_option
 def reproduce(out: Path, cycle: Path | None, as_json: bool) -> None:

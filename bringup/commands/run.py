@@ -8,7 +8,7 @@ import click
 from ac_common.errors import InterruptedRunError, RunError, UserError
 from bringup.commands.console import progress_bar, say
 from bringup.commands.dash import dash_option, page
-from bringup.commands.options import NodeType, OneOf, examples, scenario_options
+from bringup.commands.options import NodeType, OneOf, examples, path_option, scenario_options
 from bringup.commands.outcome import finish, load_scenario, prepare_folder
 from bringup.launch.process_table import LOOP_NODES
 
@@ -45,11 +45,8 @@ from bringup.launch.process_table import LOOP_NODES
     multiple=True,
     help="You start this node; the run waits for it.",
 )
-@click.option(
-    "--params-file",
-    metavar="FILE",
-    type=click.Path(path_type=Path),
-    help="A ROS 2 parameter file that has the last word, with keys such as /ac/fdi.",
+@path_option(
+    "--params-file", metavar="FILE", help="A ROS 2 parameter file that has the last word, with keys such as /ac/fdi."
 )
 @click.option(
     "--realtime-care",

@@ -70,7 +70,7 @@ class Watch:
             self._executor.spin_once(timeout_sec=min(until - now, LOOK_S))
 
     def rows(self) -> list[SeenTopic]:
-        """All topics that have been seen, in the order of the loop, then by name."""
+        """Return all topics that have been seen, in the order of the loop, then by name."""
         order = {f"{NAMESPACE}/{name}": i for i, name in enumerate(BY_NAME)}
         names = sorted(self._types, key=lambda name: (order.get(name, len(order)), name))
         return [self._row(name) for name in names]
@@ -133,14 +133,14 @@ def _nodes(endpoints: Any) -> list[str]:
 
 
 def topics_once(duration_s: float = 2.0) -> list[dict[str, Any]]:
-    """Rows of the table after watching for a while, as plain dicts."""
+    """Return the rows of the table after watching for a while, as plain dicts."""
     with Watch() as watch:
         watch.spin(duration_s)
         return [asdict(row) for row in watch.rows()]
 
 
 def topics_live(period_s: float = 0.5) -> Iterator[list[SeenTopic]]:
-    """Rows of the table again and again, until the caller has seen enough."""
+    """Yield the rows of the table again and again, until the caller has seen enough."""
     with Watch() as watch:
         while True:
             watch.spin(period_s)
@@ -148,7 +148,7 @@ def topics_live(period_s: float = 0.5) -> Iterator[list[SeenTopic]]:
 
 
 def table(rows: list[SeenTopic]) -> Any:
-    """The rows as a table for the terminal."""
+    """Return the rows as a table for the terminal."""
     from rich.table import Table
 
     if not rows:

@@ -38,7 +38,7 @@ def _plant() -> tuple[Any, float]:
 
 
 def dome(points: int = 120) -> tuple[Vector, Vector]:
-    """Saturation line from boiling liquid over the top to dry vapour: enthalpy [J/kg] and pressure [Pa]."""
+    """Return the saturation line from boiling liquid over the top to dry vapour: enthalpy [J/kg] and pressure [Pa]."""
     from ac_plant_node.properties.lookup import saturation
 
     tables, _ = _plant()
@@ -48,14 +48,14 @@ def dome(points: int = 120) -> tuple[Vector, Vector]:
 
 
 def subcooled_enthalpy(p_c: float, h_c3: float) -> float:
-    """How far the condenser's outlet is below boiling liquid, J/kg: it hardly changes from report to report."""
+    """Return how far the condenser's outlet is below boiling liquid, J/kg: it hardly changes from report to report."""
     from ac_plant_node.properties.lookup import saturation
 
     return float(saturation(_plant()[0], p_c).h_f - h_c3)
 
 
 def corners(p_e: float, superheat: float, p_c: float, below_boiling_j_kg: float) -> Corners:
-    """Corners of the cycle.
+    """Return the corners of the cycle.
 
     Parameters
     ----------

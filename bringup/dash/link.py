@@ -225,7 +225,7 @@ class Link:
         self._jobs.put(self._change(node, values, done))
 
     def pause(self) -> None:
-        """Stop the plant, which beats time for all, then the others, which would go on without it for a while."""
+        """Stop the plant, which sets the pace for all, then the others, which would go on without it for a while."""
         names = [name for name in reversed(ACTIVATION_ORDER) if name != RECORDER and self._is_there(name)]
         self._jobs.put(self._transition(names, Transition.TRANSITION_DEACTIVATE, "inactive", "paused"))
 

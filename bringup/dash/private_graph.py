@@ -73,7 +73,7 @@ class PrivateGraph:
     ) -> None:
         self._ends.set()
         if self._thread is not None:
-            self._thread.join()  # first: nodes that end all around it may make its own node hang (`last_resort`)
+            self._thread.join()  # first: nodes that end all around it may make its own node hang (`exit_watchdog`)
         stop(list(self._starter.children.values()))
         self._folder.cleanup()
         self._domain.release()

@@ -64,7 +64,7 @@ class Door:
         return f"acftc-dash-{self.port}"
 
     def refusal(self, host: str, origin: str | None, tokens: tuple[str | None, ...]) -> str:
-        """Why a request is refused, empty when it is not.
+        """Return why a request is refused, empty when it is not.
 
         Parameters
         ----------

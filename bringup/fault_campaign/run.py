@@ -33,7 +33,7 @@ class Outcome:
 
     @property
     def broken(self) -> list[Verdict]:
-        """Promises that were not kept."""
+        """Return the promises that were not kept."""
         return [verdict for verdict in self.verdicts if verdict.kept is False]
 
 
@@ -130,7 +130,7 @@ def _left(folder: Path) -> list[str]:
 
 
 def as_dict(outcome: Outcome) -> dict[str, Any]:
-    """One seed for JSON."""
+    """Return what came of one seed, for JSON."""
     return {
         "seed": outcome.plan.seed,
         "happens": outcome.plan.lines(),

@@ -19,7 +19,7 @@ from ac_ros_common.realtime import has_idle_driver
 from bringup.launch.processes import Child, start
 
 #: Where control groups are, and which of them this process is in.
-GROUPS, OWN_GROUPS = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
+GROUPS, GROUPS_OF_THIS = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
 #: In a group's folder: a word that is neither of these is so much processor time, and no more (versions 2 and 1).
 RATIONS, UNRATIONED = ("cpu.max", "cpu.cfs_quota_us"), ("max", "-1")
 
@@ -27,7 +27,7 @@ RATIONS, UNRATIONED = ("cpu.max", "cpu.cfs_quota_us"), ("max", "-1")
 def is_rationed() -> bool:
     """Whether this process's control group, or one around it, may have so much processor time and no more."""
     with contextlib.suppress(OSError):
-        for line in OWN_GROUPS.read_text().splitlines():
+        for line in GROUPS_OF_THIS.read_text().splitlines():
             _, controllers, path = line.split(":", 2)
             top = GROUPS / controllers if "cpu" in controllers.split(",") else GROUPS
             group = top / path.strip("/")
@@ -51,7 +51,7 @@ def keep_awake(log_folder: Path, environment: Mapping[str, str]) -> list[Child]:
     log_folder
         Where they log.
     environment
-        Theirs.
+        What they get on top of this process's environment.
 
     Returns
     -------

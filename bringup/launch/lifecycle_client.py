@@ -79,6 +79,6 @@ class ParameterRequest:
 
     @property
     def refusal(self) -> str | None:
-        """Why the node has refused; None when it has not."""
+        """Return why the node has refused; None when it has not."""
         result = next(reply for reply in self._replies if reply.done()).result().result
         return None if result.successful else str(result.reason)

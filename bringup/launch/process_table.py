@@ -35,12 +35,12 @@ class NodeProcess:
 
     @property
     def class_module(self) -> str:
-        """Module that holds the node's class and its parameters."""
+        """Return the module that holds the node's class and its parameters."""
         return self.module if "." in self.module else f"{self.module}.node"
 
     @property
     def parameter_file(self) -> Path:
-        """File of the node's default parameters: beside the module that holds its code."""
+        """Return the file of the node's default parameters: beside the module that holds its code."""
         spec = find_spec(self.module)
         if spec is None or spec.origin is None:
             raise ModuleNotFoundError(self.module)

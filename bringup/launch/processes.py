@@ -32,7 +32,7 @@ LOOK_S = 0.02
 
 
 def ros_environment() -> dict[str, str]:
-    """What the middleware needs, wherever the user has not said otherwise: stay on this host, discover quickly."""
+    """Return what the middleware needs where the user has not said otherwise: stay on this host, discover quickly."""
     defaults = {
         _RANGE: "LOCALHOST",
         _PROFILE: str(FASTDDS_PROFILE),
@@ -95,7 +95,7 @@ class Child:
 
     @property
     def end(self) -> str:
-        """How the process ended: signal or exit code."""
+        """Return how the process ended: signal or exit code."""
         code = self.process.returncode
         if code is None:
             return "running"
@@ -104,7 +104,7 @@ class Child:
         return signal.Signals(-code).name if -code in {s.value for s in signal.Signals} else f"signal {-code}"
 
     def last_words(self) -> str:
-        """Last line that the process wrote."""
+        """Return the last line that the process wrote."""
         try:
             lines = self.log.read_text(encoding="utf-8", errors="replace").split("\n")
         except OSError:

@@ -15,11 +15,11 @@ class RestartPolicy:
     _deaths_s: dict[str, list[float]] = field(default_factory=dict)
 
     def wait_s(self, node: str, now_s: float) -> float | None:
-        """How long to wait before `node`, which has just died, is started again; None when it has had its chances."""
+        """Return how long to wait before `node`, which just died, is started again; None when it had its chances."""
         recent = [death for death in self._deaths_s.get(node, []) if now_s - death < WINDOW_S]
         self._deaths_s[node] = [*recent, now_s]
         return BACKOFF_S[len(recent)] if len(recent) < MOST else None
 
     def deaths(self, node: str) -> int:
-        """How often it died within the last `WINDOW_S`."""
+        """Return how often it died within the last `WINDOW_S`."""
         return len(self._deaths_s.get(node, []))

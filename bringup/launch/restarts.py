@@ -23,7 +23,7 @@ class Restarts:
 
     @property
     def waiting(self) -> list[str]:
-        """Nodes that are not back yet."""
+        """Return the nodes that are not back yet."""
         return [restart.node for restart in self.all if not restart.is_back]
 
     def is_dead(self, node: str) -> bool:

@@ -95,7 +95,7 @@ class Supervisor:
 
     @property
     def restarts(self) -> list[Restart]:
-        """Nodes that have died and were started again, in order."""
+        """Return the nodes that have died and were started again, in order."""
         return self._restarts.all
 
     # -- steps --------------------------------------------------------------------------------------------------

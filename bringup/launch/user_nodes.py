@@ -38,7 +38,7 @@ class UserNodes:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Nodes whose code is the user's."""
+        """Return the nodes whose code is the user's."""
         return (*self.commands, *self.by_hand)
 
     def program(self, name: str) -> str:
@@ -138,7 +138,7 @@ def _check_names(file: Path, key: str, values: Mapping[str, Any], name: str) -> 
 
 
 def _flat(values: Mapping[str, Any], above: str = "") -> dict[str, Any]:
-    """Nested names joined by dots, as ROS does."""
+    """Return nested names joined by dots, as ROS does."""
     flat: dict[str, Any] = {}
     for key, value in values.items():
         flat |= _flat(value, f"{above}{key}.") if isinstance(value, dict) else {f"{above}{key}": value}

@@ -12,7 +12,6 @@ from ac_common.safe_command import COMMAND_HOLD_S, SAFE_RATE, CommandHold
 from ac_common.topics import FAULTS
 from ac_design import design_compensator, design_controller
 from ac_design import design_fdi as design
-from bringup.launch.restart_policy import BACKOFF_S, MOST, WINDOW_S, RestartPolicy
 from fdi_node import FaultDetector
 from gimc_controller_node import Compensator, Controller
 from gimc_controller_node.fallback import GIMC, K0_ALONE, SAFE, FallbackController
@@ -98,15 +97,6 @@ def test_actuators_hold_then_go_to_the_safe_command(commands_come, speed, openin
             np.testing.assert_array_equal(now, before)
         assert np.all(np.abs(now - before) <= np.array(SAFE_RATE) * T + 1e-12)
         assert np.all(np.abs(now - safe) <= np.abs(before - safe) + 1e-12)  # never away from it
-
-
-def test_restarts_are_bounded_and_wait_longer_each_time():
-    policy = RestartPolicy()
-    waits = [policy.wait_s("fdi", 1.0 * k) for k in range(MOST + 1)]
-    assert waits == [*BACKOFF_S, None]
-    assert policy.deaths("fdi") == MOST + 1
-    assert policy.wait_s("compensator", 3.0) == 0.0  # each node has its own chances
-    assert policy.wait_s("fdi", 4.0 + WINDOW_S) == 0.0
 
 
 def observed(detector, k, faulty):

@@ -1,4 +1,4 @@
-"""The live page of another plant, and beside a run that is recorded: each has a graph of its own."""
+"""The live page of another plant, and beside a run that is recorded: each has a private graph."""
 
 import math
 import signal

@@ -32,7 +32,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.clock, pytest.mark.slow, pytest.mark.
 
 @pytest.fixture(scope="module")
 def page(browser: Browser) -> Iterator[Page]:
-    """One page with a graph of its own, and all that the browser asked anybody for."""
+    """One page with a private graph, and all that the browser asked anybody for."""
     with acftc("dash", "--no-browser", domain=OWN) as (url, process):
         page = new_page(browser)
         page.server = process.pid

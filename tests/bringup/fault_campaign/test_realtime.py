@@ -85,7 +85,7 @@ def test_processor_time_that_is_rationed_is_not_used_up(
     groups: str, limits: dict[str, str], rationed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(awake, "GROUPS", tmp_path / "cgroup")
-    monkeypatch.setattr(awake, "OWN_GROUPS", tmp_path / "own")
+    monkeypatch.setattr(awake, "GROUPS_OF_THIS", tmp_path / "own")
     monkeypatch.setattr(awake, "IDLE_DRIVER", tmp_path / "missing")
     (tmp_path / "own").write_text(groups)
     for name, content in limits.items():
@@ -104,7 +104,7 @@ def test_processors_that_the_kernel_would_halt_have_something_to_do(
     """Each has a process of its own, behind everything else, that is gone when it is told to."""
     driver, environment = tmp_path / "current_driver", ros_environment()
     monkeypatch.setattr(awake, "IDLE_DRIVER", driver)
-    monkeypatch.setattr(awake, "OWN_GROUPS", tmp_path / "missing")
+    monkeypatch.setattr(awake, "GROUPS_OF_THIS", tmp_path / "missing")
     driver.write_text("acpi_idle\n")
     assert awake.keep_awake(tmp_path, environment) == []
     driver.unlink()
