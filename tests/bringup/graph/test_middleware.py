@@ -11,7 +11,7 @@ import pytest
 
 from ac_common.topics import FDI
 from bringup.launch.node_parameters import node_arguments
-from bringup.launch.processes import FASTDDS_PROFILE, FASTDDS_THIS_HOST, ros_environment, start, stop
+from bringup.launch.processes import FASTDDS_PROFILE, FASTDDS_THIS_HOST, Child, ros_environment, start, stop
 from bringup.launch.supervisor import Supervisor
 from tests.design_files import design_parameters
 
@@ -89,16 +89,26 @@ def _drop(root: ET.Element, parent: str, child: str, space: dict[str, str]) -> N
     holder.remove(found)
 
 
+def active_fdi(folder: Path) -> Child:
+    """Start the detector by itself, and wait until it is active."""
+    parameters = {**design_parameters(FDI, folder), "autostart": True}
+    child = start(FDI, node_arguments(FDI, parameters, folder), folder, ros_environment())
+    try:
+        with Supervisor({FDI: child}, ros_environment()) as supervisor:
+            supervisor.wait_for({FDI: "active"})
+    except BaseException:
+        stop([child])
+        raise
+    return child
+
+
 @pytest.mark.ros
 def test_node_uses_no_shared_memory_and_foreign_nodes_find_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in NAMES:
         monkeypatch.delenv(name, raising=False)
     strangers = dict(os.environ)  # before ours is in it
-    own = {**design_parameters(FDI, tmp_path), "autostart": True}
-    child = start(FDI, node_arguments(FDI, own, tmp_path), tmp_path, ros_environment())
+    child = active_fdi(tmp_path)
     try:
-        with Supervisor({FDI: child}, ros_environment()) as supervisor:
-            supervisor.wait_for({FDI: "active"})
         maps = Path(f"/proc/{child.process.pid}/maps").read_text()
         assert SHARED_MEMORY not in maps
         for discovery in ("LOCALHOST", "SUBNET"):
@@ -116,11 +126,8 @@ def test_where_a_node_has_shared_memory_it_takes_it_along(tmp_path: Path, monkey
     for name in NAMES:
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv(RANGE, "SUBNET")
-    own = {**design_parameters(FDI, tmp_path), "autostart": True}
-    child = start(FDI, node_arguments(FDI, own, tmp_path), tmp_path, ros_environment())
+    child = active_fdi(tmp_path)
     try:
-        with Supervisor({FDI: child}, ros_environment()) as supervisor:
-            supervisor.wait_for({FDI: "active"})
         maps = Path(f"/proc/{child.process.pid}/maps").read_text()
         mapped = {line.split()[-1] for line in maps.splitlines() if SHARED_MEMORY in line}
         segments = [Path(file) for file in mapped if "_port" not in file]  # ports are those of others as well
