@@ -24,7 +24,7 @@ from ac_ros_common.health_publisher import AGAIN_S, MOST_AGAIN, Health
 from ac_ros_common.realtime import Care, Latencies
 from bringup.benchmarks.endurance import COLUMNS, growth_mb, lost_messages, main, missing_messages, sustained_mb
 from bringup.benchmarks.host_noise import lost_s, missed_by_us
-from bringup.launch import keep_cpus_awake as awake
+from bringup.launch import keep_cpus_awake
 from bringup.launch.processes import ros_environment, stop
 
 
@@ -57,7 +57,7 @@ def test_latency_of_the_processors_is_held_at_zero(tmp_path: Path, monkeypatch: 
     device, driver = tmp_path / "cpu_dma_latency", tmp_path / "current_driver"
     device.touch()
     driver.write_text("acpi_idle\n")
-    monkeypatch.setattr(awake, "IDLE_DRIVER", driver)
+    monkeypatch.setattr(realtime, "IDLE_DRIVER", driver)
     monkeypatch.setattr(realtime, "CPU_DMA_LATENCY", device)
     care = Care()
     assert care._keep_awake() == "processors kept awake"
@@ -84,17 +84,17 @@ def test_latency_of_the_processors_is_held_at_zero(tmp_path: Path, monkeypatch: 
 def test_processor_time_that_is_rationed_is_not_used_up(
     groups: str, limits: dict[str, str], rationed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(awake, "GROUPS", tmp_path / "cgroup")
-    monkeypatch.setattr(awake, "GROUPS_OF_THIS", tmp_path / "own")
-    monkeypatch.setattr(awake, "IDLE_DRIVER", tmp_path / "missing")
+    monkeypatch.setattr(keep_cpus_awake, "GROUPS", tmp_path / "cgroup")
+    monkeypatch.setattr(keep_cpus_awake, "GROUPS_OF_THIS", tmp_path / "own")
+    monkeypatch.setattr(realtime, "IDLE_DRIVER", tmp_path / "missing")
     (tmp_path / "own").write_text(groups)
     for name, content in limits.items():
         file = tmp_path / "cgroup" / name
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(content + "\n")
-    assert awake.is_rationed() == rationed
+    assert keep_cpus_awake.is_rationed() == rationed
     if rationed:
-        assert awake.keep_awake(tmp_path, {}) == []
+        assert keep_cpus_awake.keep_awake(tmp_path, {}) == []
 
 
 @pytest.mark.ros
@@ -103,12 +103,12 @@ def test_processors_that_the_kernel_would_halt_have_something_to_do(
 ) -> None:
     """Each has a process of its own, behind everything else, that is gone when it is told to."""
     driver, environment = tmp_path / "current_driver", ros_environment()
-    monkeypatch.setattr(awake, "IDLE_DRIVER", driver)
-    monkeypatch.setattr(awake, "GROUPS_OF_THIS", tmp_path / "missing")
+    monkeypatch.setattr(realtime, "IDLE_DRIVER", driver)
+    monkeypatch.setattr(keep_cpus_awake, "GROUPS_OF_THIS", tmp_path / "missing")
     driver.write_text("acpi_idle\n")
-    assert awake.keep_awake(tmp_path, environment) == []
+    assert keep_cpus_awake.keep_awake(tmp_path, environment) == []
     driver.unlink()
-    children = awake.keep_awake(tmp_path, environment)
+    children = keep_cpus_awake.keep_awake(tmp_path, environment)
     pids = [child.process.pid for child in children]
     until_s = time.monotonic() + 30.0
 
@@ -123,7 +123,7 @@ def test_processors_that_the_kernel_would_halt_have_something_to_do(
     finally:
         stop(children)
     assert {child.end for child in children} == {"SIGTERM"}
-    monkeypatch.setenv(awake.AWAKE_VARIABLE, "1")
+    monkeypatch.setenv(realtime.AWAKE_VARIABLE, "1")
     assert Care()._keep_awake() == "processors kept awake by idle processes"
 
 
@@ -335,9 +335,9 @@ def test_a_long_run_shortened(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert lost_messages(missing_messages(raw, 80), missed, health_reports(raw)) == {}, said
     states = {values.get("realtime_care", "") for values in _last_health(tmp_path)}
     assert any(state.startswith("memory") for state in states) or os.getuid() != 0, states
-    if not (awake.has_idle_driver() or awake.is_rationed()):
+    if not (realtime.has_idle_driver() or keep_cpus_awake.is_rationed()):
         assert any(state.endswith("kept awake by idle processes") for state in states), states
-    assert awake.AWAKE_VARIABLE not in os.environ  # of the nodes alone: this process may run others
+    assert realtime.AWAKE_VARIABLE not in os.environ  # of the nodes alone: this process may run others
 
 
 def _last_health(out: Path) -> list[dict[str, str]]:
