@@ -74,7 +74,7 @@ class OwnGraph:
     ) -> None:
         self._ends.set()
         if self._thread is not None:
-            self._thread.join()  # first: nodes that end all around it may make its own node hang (`last_resort`)
+            self._thread.join()  # first: nodes that end all around it may make its own node hang (`exit_watchdog`)
         stop(list(self._children.values()))
         self._folder.cleanup()
         self._domain.release()
@@ -139,12 +139,12 @@ def find_or_start(point: str = "med") -> tuple[int, OwnGraph | None]:
 
 def _is_running(domain: int, patience_s: float) -> bool:
     """Whether the plant of a graph is to be seen in a ROS domain within a while."""
-    from ac_ros_common.client_node import guest
+    from ac_ros_common.client_node import client_node
 
     if domain not in range(233):
         return False
     os.environ.update(ros_environment())
-    with guest("acftc_dash_look", domain=domain) as (node, _executor):
+    with client_node("acftc_dash_look", domain=domain) as (node, _executor):
         until = time.monotonic() + patience_s
         while time.monotonic() < until:
             if PLANT in node.get_node_names():

@@ -16,7 +16,7 @@ import numpy as np
 
 from ac_common.errors import BringupError
 from ac_common.files import write_whole
-from ac_common.health import missed_ticks, reported
+from ac_common.health import HealthReport, missed_ticks
 from ac_common.topics import BY_NAME, COMPENSATOR, CONTROLLER, INJECTOR, PLANT
 from ac_common.units import KPA
 from ac_common.wire import NANOSECONDS, columns, stamps_ns
@@ -30,7 +30,6 @@ from bringup.launch.launch import GraphRun, run_graph
 from bringup.launch.user_nodes import OwnNodes
 
 COMMAND = BY_NAME["controller/command"]
-REJECTED, MISSING = "rejected/", "missing/"
 
 
 @dataclass(frozen=True)
@@ -151,11 +150,9 @@ def gather(
     reports = list(health_reports(raw))
     missed = missed_ticks([values for name, values in reports if name == PLANT], scenario.sample_time_s)
     for name, values in reports:
-        for key, value in values.items():
-            if key.startswith(REJECTED) and value.isdecimal():
-                by_reason = rejected.setdefault(name, {})
-                reason = key.removeprefix(REJECTED)
-                by_reason[reason] = max(by_reason.get(reason, 0), int(value))
+        for reason, count in HealthReport.read(values).rejected.items():
+            by_reason = rejected.setdefault(name, {})
+            by_reason[reason] = max(by_reason.get(reason, 0), count)
     return Evidence(
         plan=chosen,
         problem=problem,
@@ -179,9 +176,8 @@ def _stand_ins(raw: RawBag) -> list[tuple[float, str, int, int]]:
     found = []
     for report in reports_of(raw):
         if report.node in (COMPENSATOR, CONTROLLER):
-            missing = [int(reported(report.values, key, 0.0)) for key in report.values if key.startswith(MISSING)]
-            ticks = int(reported(report.values, "ticks", 0.0))
-            found.append((report.time_s, report.node, ticks, max(missing, default=0)))
+            most_missing = max(report.health.missing.values(), default=0)
+            found.append((report.time_s, report.node, report.health.ticks or 0, most_missing))
     return found
 
 

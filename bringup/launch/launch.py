@@ -16,7 +16,7 @@ import yaml
 
 from ac_common.design_file import DESIGNED, design_name
 from ac_common.errors import BringupError, InterruptedRunError, RunError
-from ac_common.health import MissedTick, Restart, missed_ticks, reported
+from ac_common.health import MissedTick, PlantReport, Restart, missed_ticks
 from ac_common.topics import (
     COMPENSATOR,
     CONTROLLER,
@@ -153,13 +153,14 @@ def run_graph(
                     supervisor.wait_until_done(scenario.ticks, progress)
                     supervisor.let_go(own.by_hand)
                     health = supervisor.health.get(PLANT, {})  # a plant of somebody else's may have nothing to say
+                    said = PlantReport.read(health)
                     result = GraphRun(
                         bag=out_dir / "bag",
                         ticks=scenario.ticks,
-                        wall_seconds=reported(health, "wall_seconds"),
+                        wall_seconds=said.wall_seconds,
                         start_seconds=start_seconds,
-                        missed_ticks=int(reported(health, "missed_ticks", 0.0)),
-                        latency_ms=_latencies(health),
+                        missed_ticks=said.missed_ticks or 0,
+                        latency_ms=said.command_latency_ms,
                         domain=domain.number,
                         restarts=tuple(supervisor.restarts),
                         missed=missed_ticks([health], scenario.sample_time_s),
@@ -178,11 +179,6 @@ def run_graph(
     finally:
         domain.release()
         sweep()
-
-
-def _latencies(health: Mapping[str, str]) -> tuple[float, float, float]:
-    p50, p99, most = (reported(health, f"command_latency_{quantile}_ms") for quantile in ("p50", "p99", "max"))
-    return p50, p99, most
 
 
 def node_parameters(
@@ -214,6 +210,7 @@ def node_parameters(
     memories = {node: {"memory_file": str(log / f"{node}.memory")} for node in (FDI, COMPENSATOR)}
     # The loop comes before whatever else the machine does, where that is asked for and allowed; recording waits.
     priority = {"priority": REALTIME_PRIORITY, "realtime_care": True} if mode == "realtime" and care else {}
+    own_class = {"controller_class": scenario.controller_class} if scenario.controller_class else {}
     parameters: dict[str, dict[str, Any]] = {
         PLANT: {**timing, **point, "ticks": scenario.ticks},
         INJECTOR: {
@@ -231,7 +228,7 @@ def node_parameters(
             "sensors": scenario.sensors,
             "accommodate": not passive,
         },
-        CONTROLLER: {**timing, **designs[CONTROLLER]},
+        CONTROLLER: {**timing, **designs[CONTROLLER], **own_class},
         SCENARIO: {"scenario": json.dumps(content), "mode": mode},
     }
     parameters = {name: {**own, **priority} for name, own in parameters.items()}

@@ -1,13 +1,11 @@
 """Manages running nodes over ROS: life cycle, readiness, health, restarts. Processes are in `processes`."""
 
-import json
 import math
 import os
 import signal
 import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack, suppress
-from dataclasses import asdict
 from typing import Any, Self
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -18,10 +16,10 @@ from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter, parameter_value_to_python
 
 from ac_common.errors import RunError
-from ac_common.health import Restart
+from ac_common.health import BringupReport, HealthReport, PlantReport, RecorderReport, Restart
 from ac_common.topics import BRINGUP, NAMESPACE, OCCASIONAL, PAGE, PLANT, RECORDER, TOPICS, Topic
-from ac_ros_common.client_node import guest
-from ac_ros_common.loop_node import PLAIN_QOS
+from ac_ros_common.client_node import client_node
+from ac_ros_common.qos import PLAIN_QOS
 from ac_ros_common.type_definitions import type_hash
 from bringup.launch.processes import Child
 from bringup.launch.restart_policy import RestartPolicy
@@ -40,6 +38,10 @@ PAUSE_S = 1.0
 REPORT_PERIOD_S = 0.5
 #: How long after the last tick the recorder may take to have everything, s.
 RECORDER_PATIENCE_S = 10.0
+
+
+#: Of a node that has not been heard of.
+NOTHING = HealthReport()
 
 
 class Supervisor:
@@ -75,13 +77,14 @@ class Supervisor:
         self._policy = RestartPolicy()
         self._due_s: dict[str, float] = {}  # dead nodes, and when they are to be started again
         self._death_s: dict[str, float] = {}  # when each died last, on the monotonic clock
-        self._dead_pid: dict[str, str] = {}  # and which process that was: its last words may come after its end
+        self._dead_pid: dict[str, int] = {}  # and which process that was: its last words may come after its end
         self.restarts: list[Restart] = []
         self._changed: dict[str, dict[str, Any]] = {}  # parameters that were set while nodes ran
         self._is_running = False
         self._looked_s = 0.0
         self.strangers: list[str] = []  # what is in the graph and does not belong there
         self.health: dict[str, dict[str, str]] = {}
+        self._reported: dict[str, HealthReport] = {}
         self._heard_s: dict[str, float] = {}  # when each node reported last
         self._spun_s = time.monotonic()
         self._hung: set[str] = set()  # nodes that were ended because they hang
@@ -91,7 +94,7 @@ class Supervisor:
         os.environ.update({name: value for name, value in environment.items() if name != "ROS_DOMAIN_ID"})
         self._stack = ExitStack()
         self.node, self._executor = self._stack.enter_context(
-            guest(BRINGUP, NAMESPACE, None if domain is None else int(domain))
+            client_node(BRINGUP, NAMESPACE, None if domain is None else int(domain))
         )
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._heard, PLAIN_QOS)
         self.node.create_subscription(ParameterEvent, "/parameter_events", self._parameters_changed, PLAIN_QOS)
@@ -119,7 +122,7 @@ class Supervisor:
     def connect(self, names: Iterable[str], connected: Callable[[], bool]) -> None:
         """Configure nodes (those that are not yet) and wait until `connected`."""
         self.change(
-            [name for name in names if self._of(name, "state") != "inactive"],
+            [name for name in names if self.state(name) != "inactive"],
             Transition.TRANSITION_CONFIGURE,
             "inactive",
         )
@@ -128,7 +131,7 @@ class Supervisor:
     def wait_for(self, states: Mapping[str, str]) -> None:
         """Wait until nodes that manage themselves have reached these states."""
         self._until(
-            lambda: all(self._of(name, "state") == state for name, state in states.items()),
+            lambda: all(self.state(name) == state for name, state in states.items()),
             lambda: f"waiting for {dict(states)}",
         )
 
@@ -138,20 +141,20 @@ class Supervisor:
         moved_s = time.monotonic()
         while not self._finished():
             self.spin()
-            tick = int(self._of(PLANT, "tick") or self._of(RECORDER, "ticks") or 0)
+            tick = self._plant().tick or self._report_of(RECORDER).ticks or 0
             if tick != shown:
                 shown, moved_s = tick, time.monotonic()
                 if progress is not None:
                     progress(tick, ticks)
-            elif self._of(PLANT, "state") not in ("active", ""):
+            elif self.state(PLANT) not in ("active", ""):
                 moved_s = time.monotonic()  # paused, by whoever has the right to
             elif time.monotonic() - moved_s > STUCK_S:
                 msg = f"the loop has stood still at tick {tick} for {STUCK_S:g} s{self._refusals()}"
                 raise RunError(msg)
         deadline = time.monotonic() + RECORDER_PATIENCE_S
-        while self._of(RECORDER, "complete") != "true":
+        while not self._recorder().complete:
             if time.monotonic() > deadline:
-                msg = f"messages are missing in the bag: {self._of(RECORDER, 'missing')}"
+                msg = f"messages are missing in the bag: {self._recorder().missing}"
                 raise RunError(msg)
             self.spin()
         if progress is not None:
@@ -159,13 +162,13 @@ class Supervisor:
 
     def state(self, name: str) -> str:
         """Life-cycle state of a node as it last reported it; empty as long as it has not."""
-        return self._of(name, "state")
+        return self._report_of(name).state
 
     def meet(self, names: Iterable[str]) -> None:
         """Wait until all these nodes, which run already, have reported their state."""
         self._until(
-            lambda: all(self._of(name, "state") for name in names),
-            lambda: f"{', '.join(name for name in names if not self._of(name, 'state'))} not heard of",
+            lambda: all(self.state(name) for name in names),
+            lambda: f"{', '.join(name for name in names if not self.state(name))} not heard of",
         )
 
     def set_parameters(self, name: str, values: Mapping[str, Any]) -> None:
@@ -202,8 +205,8 @@ class Supervisor:
 
     def _finished(self) -> bool:
         """Whether the plant has had its last tick; when it says nothing, whether the bag has."""
-        said = self._of(PLANT, "finished")
-        return said == "true" or (not said and self._of(RECORDER, "complete") == "true")
+        plant = self._plant()
+        return plant.finished or (plant.tick is None and self._recorder().complete)
 
     def _heard(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -211,14 +214,22 @@ class Supervisor:
             if status.name != f"{NAMESPACE}/{name}" or name not in self._children or name in self._due_s:
                 continue
             said = {item.key: item.value for item in status.values}
-            if name in self._dead_pid and said.get("pid") == self._dead_pid[name]:
+            report = HealthReport.read(said)
+            if name in self._dead_pid and report.pid == self._dead_pid[name]:
                 continue
-            self.health[name] = said
+            self.health[name], self._reported[name] = said, report
             self._heard_s[name] = time.monotonic()
             self._is_back(name)
 
-    def _of(self, name: str, key: str) -> str:
-        return self.health.get(name, {}).get(key, "")
+    def _report_of(self, name: str) -> HealthReport:
+        """Return what a node reported last."""
+        return self._reported.get(name, NOTHING)
+
+    def _plant(self) -> PlantReport:
+        return PlantReport.read(self.health.get(PLANT, {}))
+
+    def _recorder(self) -> RecorderReport:
+        return RecorderReport.read(self.health.get(RECORDER, {}))
 
     def change(self, names: list[str], transition: int, state: str) -> None:
         """Request `transition` of each node as soon as its service is there; until all report `state`."""
@@ -244,7 +255,7 @@ class Supervisor:
             if name in self._strange and not self._reports(name):
                 reply = self._replies.get((name, transition))
                 return reply is not None and reply.done()
-            return self._of(name, "state") == state
+            return self.state(name) == state
 
         self._until(done, lambda: f"{', '.join(n for n in names if not reached(n))} not {state}")
 
@@ -254,12 +265,10 @@ class Supervisor:
             reads = sum(self._reads(name, topic) for topic in (*TOPICS, *OCCASIONAL))
             if not self._reports(name):
                 return self._publishes_all(name)
-            if reads < int(self._of(name, "subscriptions") or 0):
+            if reads < (self._report_of(name).subscriptions or 0):
                 return False  # not all of them have been discovered here
-        return all(
-            int(self._of(name, f"subscribers/{topic}") or 0) >= n + self._strangers(topic)
-            for topic, n in self._wanted(name).items()
-        )
+        found = self._report_of(name).subscribers
+        return all(found.get(topic, 0) >= n + self._strangers(topic) for topic, n in self._wanted(name).items())
 
     def _reads(self, name: str, topic: Topic) -> bool:
         """Whether a node subscribes to a topic: our own as the table says, somebody else's as the graph shows."""
@@ -300,7 +309,7 @@ class Supervisor:
             for topic in TOPICS
             if topic.publisher == name
         }
-        if name == PLANT and "subscribers/clock" in self.health.get(name, {}):
+        if name == PLANT and "clock" in self._report_of(name).subscribers:
             wanted["clock"] = recorded
         return wanted
 
@@ -352,7 +361,7 @@ class Supervisor:
             return
         for name, heard_s in list(self._heard_s.items()):
             child = self._children[name]
-            if now_s - heard_s > HUNG_S and self._of(name, "state") == "active" and child is not None and name != PLANT:
+            if now_s - heard_s > HUNG_S and self.state(name) == "active" and child is not None and name != PLANT:
                 del self._heard_s[name]
                 self._hung.add(name)
                 with suppress(ProcessLookupError):
@@ -370,7 +379,9 @@ class Supervisor:
         self._due_s[child.name] = now_s + wait_s
         self._death_s[child.name] = now_s
         self._heard_s.pop(child.name, None)
-        self._dead_pid[child.name] = self.health.pop(child.name, {}).get("pid", str(child.process.pid))
+        self._dead_pid[child.name] = self._report_of(child.name).pid or child.process.pid
+        self.health.pop(child.name, None)
+        self._reported.pop(child.name, None)
         reason = f"{child.end}: {child.last_words()}"
         if child.name in self._hung:
             self._hung.remove(child.name)
@@ -382,15 +393,15 @@ class Supervisor:
     def _start_again(self, name: str) -> None:
         assert self._revive is not None
         del self._due_s[name]
-        first_ns = self._of(PLANT, "first_ns")
-        changed = {"run_start_ns": int(first_ns)} if first_ns and name != RECORDER else {}
+        first_ns = self._plant().first_ns
+        changed = {"run_start_ns": first_ns} if first_ns is not None and name != RECORDER else {}
         self._children[name] = self._revive(name, {**self._changed.get(name, {}), **changed})
         self._report()
 
     def _is_back(self, name: str) -> None:
         """Note that a node that had died works again."""
         for restart in self.restarts:
-            if restart.node == name and math.isnan(restart.back_s) and int(self._of(name, "ticks") or 0) > 0:
+            if restart.node == name and math.isnan(restart.back_s) and (self._report_of(name).ticks or 0) > 0:
                 # Not by `_run_s` again: after a pause the first tick is another.
                 restart.back_s = round(restart.died_s + time.monotonic() - self._death_s[name], 3)
                 self._say(f"node {name} is back in service after {restart.back_s - restart.died_s:.1f} s")
@@ -398,11 +409,12 @@ class Supervisor:
 
     def _run_s(self) -> float:
         """Time since the first tick, by the plant's word for when that was on the monotonic clock."""
-        return round(time.monotonic() - float(self._of(PLANT, "epoch_monotonic_s") or "nan"), 3)
+        return round(time.monotonic() - self._plant().epoch_monotonic_s, 3)
 
     def _report(self) -> None:
         """Tell on /diagnostics, and so in the bag, what was done."""
         waiting = [restart.node for restart in self.restarts if math.isnan(restart.back_s)]
+        told = BringupReport(tuple(self.restarts), tuple(self.strangers))
         message = DiagnosticArray()
         message.header.stamp = self.node.get_clock().now().to_msg()
         message.status = [
@@ -410,10 +422,7 @@ class Supervisor:
                 level=DiagnosticStatus.WARN if waiting or self.strangers else DiagnosticStatus.OK,
                 name=f"{NAMESPACE}/{BRINGUP}",
                 message=f"restarting {', '.join(waiting)}" if waiting else "; ".join(self.strangers) or "all is well",
-                values=[
-                    KeyValue(key="restarts", value=json.dumps([asdict(restart) for restart in self.restarts])),
-                    KeyValue(key="strangers", value=json.dumps(self.strangers)),
-                ],
+                values=[KeyValue(key=key, value=value) for key, value in told.values().items()],
             )
         ]
         self._diagnostics.publish(message)
@@ -455,9 +464,9 @@ class Supervisor:
     def _refusals(self) -> str:
         """What the nodes have refused: why a loop may stand still."""
         said = [
-            f"{name} refused {health['rejected_inputs']} messages, the last: {health['last_rejected']}"
-            for name, health in self.health.items()
-            if health.get("rejected_inputs", "0") != "0"
+            f"{name} refused {report.rejected_inputs} messages, the last: {report.last_rejected}"
+            for name, report in self._reported.items()
+            if report.rejected_inputs
         ]
         return "; " + "; ".join(said) if said else ""
 
