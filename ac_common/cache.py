@@ -16,10 +16,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from platformdirs import user_cache_dir
 
-Arrays = dict[str, NDArray[Any]]
+from ac_common.arrays import Arrays
+
+__all__ = ["Arrays", "cache_folder", "cached", "compiled_folder", "fingerprint", "source_fingerprint"]
 
 
 def cache_folder() -> Path:

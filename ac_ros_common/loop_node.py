@@ -53,6 +53,8 @@ HEALTH_PERIOD_S = 1.0
 #: How long a node that is not active waits at a time. rclpy wakes those who wait before it says that the process is to
 #: end: who then waits again without bound misses it.
 IDLE_S = 0.5
+#: Turns of the executor in which what a node has to do `soon` after its activation is done.
+SETTLE_TURNS = 3
 #: How long the middleware may take to let go of a node: less than `stop` waits, which leaves the rest to `stopped`.
 LEAVE_S = 2.0
 #: Exit code of a node that was given parameters it cannot work with.
@@ -105,6 +107,8 @@ class LoopNode(ManagedNode):
         """Do some of the node's work: the loop's messages while it is active, and everything else now and then."""
         if not self.running:
             executor.spin_once(timeout_sec=IDLE_S)
+            for _ in range(SETTLE_TURNS if self.running else 0):  # it has just become active, and has to say so
+                executor.spin_once(timeout_sec=0.0)
         elif self.loop.serve(lambda: self.running and rclpy.ok()):
             self._do_others(executor)
 

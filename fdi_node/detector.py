@@ -17,8 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ac_common.arrays import same_shape
-from ac_common.cache import Arrays
+from ac_common.arrays import Arrays, same_shape
 from ac_common.topics import FAULTS
 
 Vector = NDArray[np.float64]

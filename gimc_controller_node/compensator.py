@@ -24,8 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ac_common.arrays import same_shape
-from ac_common.cache import Arrays
+from ac_common.arrays import Arrays, same_shape
 from ac_common.topics import FAULTS
 from ac_common.units import KPA, RPM
 from gimc_controller_node.authority import DESIGN_RANGE, Authority

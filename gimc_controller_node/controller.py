@@ -17,7 +17,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ac_common.cache import Arrays
+from ac_common.arrays import Arrays
 
 Vector = NDArray[np.float64]
 #: Compressor speed [rad/s] and valve opening [0..1], shape (2,).
