@@ -13,9 +13,10 @@ from ac_experiments.bags.reader import read_bag
 from ac_experiments.scenario import load
 from bringup.launch.launch import node_arguments, run_graph
 from bringup.launch.node_modules import MODULES
-from bringup.launch.processes import ros_environment, start, stop
+from bringup.launch.processes import Child, ros_environment, start, stop
 from bringup.launch.supervisor import Supervisor
 from bringup.replay.feeder import Feeder
+from tests.designs import design_parameters
 from tests.operator import Operator
 
 pytestmark = pytest.mark.ros
@@ -33,9 +34,13 @@ def command_of(feeder: Feeder, k: int, patience_s: float = 10.0) -> bytes | None
     return (feeder.collect(expected, patience_s) or {}).get("controller/command")
 
 
+def start_controller(folder: Path) -> Child:
+    own = design_parameters(CONTROLLER, folder)
+    return start(CONTROLLER, node_arguments(MODULES[CONTROLLER], CONTROLLER, own, folder), folder, ros_environment())
+
+
 def test_controller_acts_only_while_it_is_active(tmp_path: Path) -> None:
-    arguments = node_arguments(MODULES[CONTROLLER], CONTROLLER, {}, tmp_path)
-    child = start(CONTROLLER, arguments, tmp_path, ros_environment())
+    child = start_controller(tmp_path)
     try:
         with Supervisor({CONTROLLER: child}, ros_environment()) as supervisor:
             feeder = Feeder(supervisor, CONTROLLER)
@@ -64,9 +69,7 @@ def test_controller_acts_only_while_it_is_active(tmp_path: Path) -> None:
 
 def test_a_transition_that_a_state_does_not_have_is_refused_and_nobody_dies(tmp_path: Path) -> None:
     """As when somebody types `ros2 lifecycle set /ac/gimc_controller activate` twice."""
-    child = start(
-        CONTROLLER, node_arguments(MODULES[CONTROLLER], CONTROLLER, {}, tmp_path), tmp_path, ros_environment()
-    )
+    child = start_controller(tmp_path)
     try:
         with Supervisor({CONTROLLER: child}, ros_environment()) as supervisor:
             for transition in (Transition.TRANSITION_ACTIVATE, Transition.TRANSITION_CLEANUP):

@@ -10,9 +10,11 @@ from pathlib import Path
 import pytest
 
 from ac_common.topics import FDI
+from bringup.launch.launch import node_arguments
 from bringup.launch.node_modules import MODULES
-from bringup.launch.processes import FASTDDS_PROFILE, FASTDDS_THIS_HOST, ros_environment, start, stop
+from bringup.launch.processes import FASTDDS_PROFILE, FASTDDS_THIS_HOST, Child, ros_environment, start, stop
 from bringup.launch.supervisor import Supervisor
+from tests.designs import design_parameters
 
 RANGE, PROFILE, MIDDLEWARE, PEERS = NAMES = (
     "ROS_AUTOMATIC_DISCOVERY_RANGE",
@@ -32,7 +34,7 @@ client = node.create_client(ListParameters, "/ac/fdi/list_parameters")
 assert client.wait_for_service(20.0)
 answer = client.call_async(ListParameters.Request())
 rclpy.spin_until_future_complete(node, answer, timeout_sec=20.0)
-print("operating_point" in answer.result().result.names, "{SHARED_MEMORY}" in open("/proc/self/maps").read())
+print("design_file" in answer.result().result.names, "{SHARED_MEMORY}" in open("/proc/self/maps").read())
 node.destroy_node()
 rclpy.shutdown()
 """
@@ -88,12 +90,17 @@ def _drop(root: ET.Element, parent: str, child: str, space: dict[str, str]) -> N
     holder.remove(found)
 
 
+def start_fdi(folder: Path) -> Child:
+    own = {"autostart": True, **design_parameters(FDI, folder)}
+    return start(FDI, node_arguments(MODULES[FDI], FDI, own, folder), folder, ros_environment())
+
+
 @pytest.mark.ros
 def test_node_uses_no_shared_memory_and_foreign_nodes_find_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in NAMES:
         monkeypatch.delenv(name, raising=False)
     strangers = dict(os.environ)  # before ours is in it
-    child = start(FDI, ["-m", MODULES[FDI], "--ros-args", "-r", "__ns:=/ac"], tmp_path, ros_environment())
+    child = start_fdi(tmp_path)
     try:
         with Supervisor({FDI: child}, ros_environment()) as supervisor:
             supervisor.wait_for({FDI: "active"})
@@ -114,7 +121,7 @@ def test_where_a_node_has_shared_memory_it_takes_it_along(tmp_path: Path, monkey
     for name in NAMES:
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv(RANGE, "SUBNET")
-    child = start(FDI, ["-m", MODULES[FDI], "--ros-args", "-r", "__ns:=/ac"], tmp_path, ros_environment())
+    child = start_fdi(tmp_path)
     try:
         with Supervisor({FDI: child}, ros_environment()) as supervisor:
             supervisor.wait_for({FDI: "active"})

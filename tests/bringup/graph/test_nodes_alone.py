@@ -11,11 +11,11 @@ from click.testing import CliRunner
 
 from ac_common.design_file import DESIGNED
 from ac_common.topics import FDI, RECORDER
-from ac_design import write_designs
 from bringup.cli import cli
 from bringup.launch.node_modules import MODULES
 from bringup.launch.processes import ros_environment, start, stop
 from bringup.launch.supervisor import Supervisor
+from tests.designs import design_parameters
 
 pytestmark = pytest.mark.ros
 
@@ -29,8 +29,7 @@ ENDS = [(FDI, signal.SIGINT), *((name, (signal.SIGTERM, signal.SIGINT)[i % 2]) f
 @pytest.mark.parametrize(("name", "number"), ENDS)
 def test_starts_by_itself_and_ends_with_code_0(name: str, number: signal.Signals, tmp_path: Path) -> None:
     own = ["-p", f"folder:={tmp_path / 'bag'}"] if name == RECORDER else []
-    if name in DESIGNED:
-        own = ["-p", f"design_file:={write_designs(tmp_path, 'med', 0.1)[name]}"]
+    own += [word for key, value in design_parameters(name, tmp_path).items() for word in ("-p", f"{key}:={value}")]
     arguments = ["-m", MODULES[name], "--ros-args", "-r", "__ns:=/ac", *own]
     child = start(name, arguments, tmp_path, ros_environment())
     try:

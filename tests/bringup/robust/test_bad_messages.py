@@ -21,6 +21,7 @@ from bringup.launch.launch import node_arguments
 from bringup.launch.node_modules import MODULES
 from bringup.launch.processes import ros_environment, start, stop
 from bringup.launch.supervisor import Supervisor
+from tests.designs import design_parameters
 
 P_E, SUPERHEAT, Q = "measured/evaporator_pressure", "measured/superheat", "compensator/q"
 VALUES = {
@@ -92,7 +93,8 @@ class Surroundings:
 @pytest.fixture(scope="module")
 def loop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Surroundings]:
     folder = tmp_path_factory.mktemp("alone")
-    arguments = node_arguments(MODULES[CONTROLLER], CONTROLLER, {"mode": "realtime"}, folder)
+    own = {"mode": "realtime", **design_parameters(CONTROLLER, folder)}
+    arguments = node_arguments(MODULES[CONTROLLER], CONTROLLER, own, folder)
     child = start(CONTROLLER, arguments, folder, ros_environment())
     try:
         with Supervisor({CONTROLLER: child}, ros_environment()) as supervisor:
