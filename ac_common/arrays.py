@@ -1,9 +1,11 @@
-"""Arrays that were written to a file and come back."""
+"""Arrays by name, and arrays that were written to a file and come back."""
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+Arrays = dict[str, NDArray[Any]]
 
 
 def same_shape(values: Any, like: NDArray[np.float64]) -> NDArray[np.float64]:

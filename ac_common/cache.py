@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from platformdirs import user_cache_dir
 
+from ac_common.arrays import Arrays
 from ac_common.files import open_whole
 
-Arrays = dict[str, NDArray[Any]]
+__all__ = ["Arrays", "cache_folder", "cached", "compiled_folder", "fingerprint", "source_fingerprint"]
 
 
 def cache_folder() -> Path:

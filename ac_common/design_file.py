@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ac_common.errors import UserError, shortened
+from ac_common.files import write_whole
 from ac_common.topics import COMPENSATOR, CONTROLLER, FDI
 
 #: The nodes that have a design.
@@ -62,6 +63,23 @@ def from_file(kind: Any, file: str, sample_time_s: float) -> Any:
     if abs(design.sample_time_s - sample_time_s) > 1e-12:
         msg = f"design_file {file}: made for a sample time of {design.sample_time_s:g} s, not {sample_time_s:g} s"
         raise UserError(msg)
+    return design
+
+
+def loaded(kind: Any, node: str, file: str, sample_time_s: float, copy: str = "") -> Any:
+    """Return the design of class `kind` that a node is to load from `file`, and leave a copy of it in `copy`, if any.
+
+    Raises
+    ------
+    ValueError
+        As `from_file`; when no file is given it says which command makes one.
+    """
+    if not file:
+        example = design_name(node, "med")
+        raise ValueError(f"no design_file given; `acftc design --out designs` makes one: designs/{example}")
+    design = from_file(kind, file, sample_time_s)
+    if copy:
+        write_whole(Path(copy), to_bytes(design))
     return design
 
 

@@ -15,6 +15,7 @@ from ac_design import (
 from ac_experiments.scenario_schema import Scenario
 from fdi_node import FdiDesign
 from gimc_controller_node import CompensatorDesign, ControllerDesign
+from gimc_controller_node.making import check_controller
 
 
 @dataclass(frozen=True)
@@ -53,8 +54,20 @@ def designs_of(scenario: Scenario) -> Designs:
         scenario.sample_time_s,
         scenario.sensors,
         scenario.superheat_sensor,
-        scenario.controller,
+        scenario.controller_weights,
     )
+
+
+def check_controller_of(scenario: Scenario) -> None:
+    """See that a controller of the user's that a scenario names can be imported, built, and works for one tick.
+
+    Raises
+    ------
+    BringupError
+        One line: what is wrong with it.
+    """
+    if scenario.controller_class:
+        check_controller(scenario.controller_class, designs_of(scenario).controller)
 
 
 def write_designs_of(scenario: Scenario, folder: Path) -> dict[str, Path]:
@@ -73,5 +86,5 @@ def write_designs_of(scenario: Scenario, folder: Path) -> dict[str, Path]:
         scenario.sample_time_s,
         sensors=scenario.sensors,
         superheat=scenario.superheat_sensor,
-        controller=scenario.controller,
+        controller=scenario.controller_weights,
     )

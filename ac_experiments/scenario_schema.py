@@ -4,6 +4,7 @@ In the file every quantity has its unit in its key (rpm, kPa, %, K); here and on
 and the air side are given as changes from the operating point, so one scenario serves all three points.
 """
 
+import re
 import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -195,6 +196,26 @@ class Noise(_Part):
         return np.array([self.evaporator_pressure_kpa * KPA, self.superheat_k, self.wall_temperature_k])
 
 
+#: Which K0: how its weights are called.
+K0_WEIGHTS = ("tracking", "paper")
+_PYTHON_PATH = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)+")
+
+
+@dataclass(frozen=True)
+class ControllerName:
+    """Allows the names of our K0 and the Python path of a class of the user's."""
+
+    names: tuple[str, ...] = K0_WEIGHTS
+    otherwise: str = "the Python path of a class of yours (`my_module.MyPi`)"
+
+    def __call__(self, given: str) -> str:
+        """Give `given` back, or raise when it is neither."""
+        if given in self.names or _PYTHON_PATH.fullmatch(given):
+            return given
+        msg = f"{unknown('controller', given, list(self.names))}, or {self.otherwise}"
+        raise ValueError(msg)
+
+
 class Scenario(_Part):
     """A whole run. See `docs/` and the files in `ac_experiments/scenarios/` for examples."""
 
@@ -206,7 +227,7 @@ class Scenario(_Part):
     passive: bool = False
     sensors: Literal[2, 3] = 3
     superheat_sensor: Literal["direct", "derived"] = "direct"
-    controller: Literal["tracking", "paper"] = "tracking"
+    controller: Annotated[str, AfterValidator(ControllerName())] = "tracking"
     references: References = References()
     air: Air = Air()
     faults: list[Fault] = []
@@ -265,6 +286,16 @@ class Scenario(_Part):
             msg = "sensors: 2 needs passive: true, since the compensators are designed for three sensors"
             raise UserError(msg)
         return passive
+
+    @property
+    def controller_class(self) -> str:
+        """Python path of the user's controller; empty: K0."""
+        return "" if self.controller in K0_WEIGHTS else self.controller
+
+    @property
+    def controller_weights(self) -> str:
+        """Which K0 the designs are for: limits and compensator of a controller of the user's are those of tracking."""
+        return self.controller if self.controller in K0_WEIGHTS else "tracking"
 
     @property
     def ticks(self) -> int:

@@ -16,7 +16,7 @@ from ac_common.errors import RunError
 from ac_common.fdi_status import StatusRow
 from ac_common.health import AS_USUAL
 from ac_common.topics import COMPENSATOR, CONTROLLER, SERIES
-from ac_experiments.designs import Designs, designs_of
+from ac_experiments.designs import Designs, check_controller_of, designs_of
 from ac_experiments.recording import Recording
 from ac_experiments.scenario import program
 from ac_experiments.scenario_schema import Scenario
@@ -63,8 +63,8 @@ def simulate(
     from ac_plant_node import Plant, operating_point
     from fault_injector_node.injector import FaultInjector
     from fdi_node import FaultDetector
-    from gimc_controller_node import Compensator, Controller
-    from gimc_controller_node.fallback import FallbackController
+    from gimc_controller_node import Compensator
+    from gimc_controller_node.making import make_controller
 
     passive = scenario.is_passive(passive)
     point, sample_time_s, ticks = scenario.operating_point, scenario.sample_time_s, scenario.ticks
@@ -76,7 +76,8 @@ def simulate(
         designs = designs_of(scenario)
     detector = FaultDetector(designs.fdi)
     compensator = Compensator(designs.compensator, accommodate=not passive)
-    controller = FallbackController(Controller(designs.controller))
+    check_controller_of(scenario)
+    controller = make_controller(designs.controller, scenario.controller_class)
     compensator_does, controller_does = "", ""
     events: list[dict[str, Any]] = []
 

@@ -7,20 +7,20 @@ the actuators go to the operating point's command. A plant that was stopped step
 publishing them.
 """
 
-import json
 import math
 import sys
 import time
 from collections import deque
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ac_common.health import PlantReport
 from ac_common.safe_command import COMMAND_HOLD_S, CommandHold
 from ac_common.topics import CLOCK, PLANT, Topic
 from ac_plant_node.rest import rest_at
-from ac_ros_common.loop_node import NodeShell, run_node
+from ac_ros_common.loop_node import LoopNode, run_node
 from ac_ros_common.parameters import MODE, OPERATING_POINT, SAMPLE_TIME, Parameter
 from ac_ros_common.realtime import Latencies
 
@@ -64,7 +64,7 @@ class Model(Protocol):
         """
 
 
-class PlantNode(NodeShell):
+class PlantNode(LoopNode):
     """ROS node of the plant, or of another `Model`."""
 
     def __init__(self) -> None:
@@ -80,6 +80,7 @@ class PlantNode(NodeShell):
         self._published_s: dict[int, float] = {}  # of ticks whose command has not come yet
         self._wall_s = 0.0
         self._first_ns = 0
+        self._epoch_s = math.nan
 
     def make_model(self) -> tuple[Model, NDArray[np.float64], NDArray[np.float64]]:
         """Return the plant at rest, with its inputs and outputs there; override it for another model."""
@@ -131,7 +132,7 @@ class PlantNode(NodeShell):
             paused_ticks = passed - (self._tick + 1) if paused else 0
             self._first_ns += paused_ticks * self._tick_ns
             self._epoch_s += paused_ticks * self._sample_time_s
-            self.deadline_s = self._epoch_s + (self._tick + 1 + paused) * self._sample_time_s
+            self.loop.deadline_s = self._epoch_s + (self._tick + 1 + paused) * self._sample_time_s
         if paused:
             self._advance()  # the command of the tick in which it was stopped is gone: the one before stays on
         else:
@@ -139,7 +140,7 @@ class PlantNode(NodeShell):
 
     def stopped(self) -> None:
         """Stop the deadlines of the wall clock."""
-        self.deadline_s = float("inf")
+        self.loop.deadline_s = math.inf
 
     def _publish(self) -> None:
         time_ns = self._first_ns + self._tick * self._tick_ns
@@ -176,7 +177,7 @@ class PlantNode(NodeShell):
 
     def on_deadline(self) -> None:
         """Begin the next tick of the wall clock with the newest command."""
-        late_s = time.monotonic() - self.deadline_s
+        late_s = time.monotonic() - self.loop.deadline_s
         self._late_wakeups += late_s > LATE_SHARE * self._sample_time_s
         late = int(late_s / self._sample_time_s)
         if late > 0 and self._last_tick >= 0:
@@ -185,9 +186,9 @@ class PlantNode(NodeShell):
             self._close_tick()
             self._step()
             self._tick += 1
-            self.deadline_s += self._sample_time_s
+            self.loop.deadline_s += self._sample_time_s
         self._close_tick()
-        self.deadline_s += self._sample_time_s
+        self.loop.deadline_s += self._sample_time_s
         self._advance()
 
     def _close_tick(self) -> None:
@@ -210,7 +211,7 @@ class PlantNode(NodeShell):
         if self._tick == self._last_tick:
             self._finished = True
             self._wall_s = time.monotonic() - self._started_s
-            self.deadline_s = float("inf")
+            self.loop.deadline_s = math.inf
             self.soon(self.report_health)
             return
         self._tick += 1
@@ -224,25 +225,26 @@ class PlantNode(NodeShell):
             msg = f"the plant stopped at {self._tick * self._tick_ns / 1e9:.1f} s: {problem}"
             raise ValueError(msg) from problem
 
-    def health_values(self) -> dict[str, str]:
+    def node_health(self) -> PlantReport:
         """Return the progress of the run, missed ticks and the latencies of commands."""
-        return {
-            "tick": str(self._tick),
-            "finished": "true" if self._finished else "false",
-            "wall_seconds": repr(self._wall_s),
-            "missed_ticks": str(self._missed),
-            "missed_at": json.dumps(list(self._missed_at)),
-            "late_commands": json.dumps(list(self._late_commands)),
-            "epoch_monotonic_s": repr(getattr(self, "_epoch_s", float("nan"))),
-            "late_wakeups": str(self._late_wakeups),
-            "first_ns": str(self._first_ns),
-            "command_latency_p50_ms": f"{1e3 * self._latencies.quantile_s(0.5):.3f}",
-            "command_latency_p99_ms": f"{1e3 * self._latencies.quantile_s(0.99):.3f}",
-            "command_latency_max_ms": f"{1e3 * self._latencies.quantile_s(1.0):.3f}",
+        median_s, slow_s, longest_s = (self._latencies.quantile_s(share) for share in (0.5, 0.99, 1.0))
+        return PlantReport(
+            tick=self._tick,
+            finished=self._finished,
+            wall_seconds=self._wall_s,
+            missed_ticks=self._missed,
+            missed_at=tuple(self._missed_at),
+            late_commands=tuple(self._late_commands),
+            epoch_monotonic_s=self._epoch_s,
+            late_wakeups=self._late_wakeups,
+            first_ns=self._first_ns,
+            command_latency_p50_ms=1e3 * median_s,
+            command_latency_p99_ms=1e3 * slow_s,
+            command_latency_max_ms=1e3 * longest_s,
             **self._truth(),
-        }
+        )
 
-    def _truth(self) -> dict[str, str]:
+    def _truth(self) -> dict[str, Any]:
         """Return what is on no topic, for evaluation only: the paper's state and the cooling power."""
         if self._plant is None:
             return {}
@@ -251,9 +253,8 @@ class PlantNode(NodeShell):
 
         if not isinstance(self._plant, Plant):
             return {}  # a model of somebody else's
-        truth = {f"state/{name}": value for name, value in zip(STATE_NAMES, self._plant.state.tolist(), strict=True)}
-        truth["cooling_power_w"] = self._plant.outputs.cooling_power_w
-        return {name: f"{value:.6g}" for name, value in truth.items()}
+        state = dict(zip(STATE_NAMES, self._plant.state.tolist(), strict=True))
+        return {"internal_state": state, "cooling_power_w": self._plant.outputs.cooling_power_w}
 
 
 def main() -> int:

@@ -10,12 +10,14 @@ from rclpy.signals import SignalHandlerOptions
 
 from ac_ros_common.exit_watchdog import bounded
 
-#: How long the middleware may take to let go of the node. Then the process ends: nothing else helps (`last_resort`).
+#: How long the middleware may take to let go of the node. Then the process ends: nothing else helps (`exit_watchdog`).
 LEAVE_S = 10.0
 
 
 @contextmanager
-def guest(name: str, namespace: str = "", domain: int | None = None) -> Iterator[tuple[Node, SingleThreadedExecutor]]:
+def client_node(
+    name: str, namespace: str = "", domain: int | None = None
+) -> Iterator[tuple[Node, SingleThreadedExecutor]]:
     """Give a node, without services and output of its own, and the executor that has it to spin; both end afterwards.
 
     Parameters

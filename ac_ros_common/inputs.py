@@ -1,4 +1,4 @@
-"""A node's inputs: messages are taken, checked, collected by stamp, and the node acts tick by tick (`ticks`)."""
+"""A node's inputs: messages are taken, checked, collected by stamp, and the node acts tick by tick (`tick_sync`)."""
 
 import math
 import time
@@ -7,10 +7,10 @@ from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.context import Context
-from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.signals import SignalHandlerGuardCondition
 from rclpy.subscription import Subscription
 
+from ac_ros_common._rclpy import WaitSet
 from ac_ros_common.messages import BadMessage, Reader, reader
 from ac_ros_common.tick_sync import TickSet, Timeline, WallClockSet, Writer
 
@@ -67,7 +67,7 @@ class Subscriptions:
         With `numbers` only these subscriptions end the wait; messages of all of them are taken then.
         """
         if self._wait_set is None:
-            self._wait_set = _rclpy.WaitSet(len(self._sources), 1, 0, 0, 0, 0, self._context.handle)
+            self._wait_set = WaitSet(len(self._sources), 1, 0, 0, 0, 0, self._context.handle)
         wait_set = self._wait_set
         wait_set.clear_entities()
         for number in range(len(self._sources)) if numbers is None else numbers:
@@ -185,15 +185,19 @@ class LoopInputs:
             if arguments is not None:
                 tick_set.act(*arguments)
 
-    def counts(self) -> dict[str, int]:
-        """How often the wall clock had to go on without a message, by topic, and what came too late or twice."""
-        found: dict[str, int] = {}
-        for tick_set in self._clocked:
-            for key in ("late", "duplicates", "skipped"):
-                name = {"late": "late_inputs", "duplicates": "duplicate_inputs", "skipped": "skipped_ticks"}[key]
-                found[name] = found.get(name, 0) + getattr(tick_set, key)
-            found.update({f"missing/{topic}": n for topic, n in tick_set.held.items() if n})
-        return found
+    def counts(self) -> dict[str, Any]:
+        """Return the fields of a health report about messages that the wall clock had to do without; none in lockstep.
+
+        They are what came too late or twice, the ticks passed over, and by topic those without a message.
+        """
+        if not self._clocked:
+            return {}
+        return {
+            "late_inputs": sum(tick_set.late for tick_set in self._clocked),
+            "duplicate_inputs": sum(tick_set.duplicates for tick_set in self._clocked),
+            "skipped_ticks": sum(tick_set.skipped for tick_set in self._clocked),
+            "missing": {topic: n for tick_set in self._clocked for topic, n in tick_set.held.items() if n},
+        }
 
     def _rebase(self) -> None:
         assert self.timeline is not None

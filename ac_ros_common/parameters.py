@@ -21,7 +21,7 @@ class Parameter:
     live: bool = False  # may be set while the node runs; the others only before it is configured
 
     def descriptor(self) -> ParameterDescriptor:
-        """What `ros2 param describe` shows."""
+        """Return what `ros2 param describe` shows."""
         result = ParameterDescriptor(description=self.description)
         if self.choices:
             result.additional_constraints = "one of: " + ", ".join(self.choices)
@@ -31,6 +31,14 @@ class Parameter:
             else:
                 result.floating_point_range = [FloatingPointRange(from_value=self.low, to_value=self.high, step=0.0)]
         return result
+
+    def refuse(self, value: Any, state: str) -> str:
+        """Return why the parameter cannot be set to `value` in a life-cycle state; empty when it can."""
+        if not self.live and state != "unconfigured":
+            return f"{self.name} cannot be set while the node is {state}: clean it up first"
+        if self.choices and value not in self.choices:
+            return f"{self.name} is {value!r}; allowed: {', '.join(self.choices)}"
+        return ""
 
 
 AUTOSTART = Parameter(

@@ -5,10 +5,10 @@ import sys
 from collections.abc import Sequence
 
 import rclpy
-from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.logging import LoggingSeverity, set_logger_level
 
 from ac_common.errors import UserError, shortened
+from ac_ros_common._rclpy import RCLError, UnknownROSArgsError
 
 #: Where in its sources the middleware met the problem: nothing that a user can act on.
 _ORIGIN = re.compile(r",? at /\S+:\d+")
@@ -31,9 +31,9 @@ def init(arguments: Sequence[str] | None = None) -> None:
     set_logger_level("rcl", LoggingSeverity.FATAL)  # it would say the same once more, in its own words
     try:
         rclpy.init(args=list(sys.argv if arguments is None else arguments))
-    except _rclpy.UnknownROSArgsError as problem:
+    except UnknownROSArgsError as problem:
         raise ArgumentError(f"unknown ROS argument {shortened(str(problem).strip('[]'), 300)}") from None
-    except _rclpy.RCLError as problem:
+    except RCLError as problem:
         text = _ORIGIN.sub("", str(problem)).removeprefix("failed to initialize rcl: ").removeprefix("error not set")
         if _NO_FILE in text:
             text = text.replace(_NO_FILE, "no such file, or it cannot be read")

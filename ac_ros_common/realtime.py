@@ -5,10 +5,12 @@ A node says in its health report (``realtime_care``) what it has got; a system t
 
 import contextlib
 import ctypes
+import gc
 import math
 import os
 import struct
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -29,21 +31,41 @@ def has_idle_driver() -> bool:
     return False
 
 
-class Care:
-    """Locked memory and processors that do not doze, from `begin` to `end`."""
+class RealtimeSettings:
+    """What a node asks of the operating system and of Python while it is active, from `begin` to `end`.
+
+    Attributes
+    ----------
+    scheduling : str
+        How the process is scheduled.
+    state : str
+        What has come of the care: locked memory, and processors that do not doze.
+    """
 
     def __init__(self) -> None:
         self._latency_file: int | None = None
         self._locked = False
+        self._fifo = 0  # the priority that the system has permitted
+        self.scheduling = "normal"
         self.state = "none"
 
-    def begin(self) -> str:
-        """Ask for both; what has come of it."""
-        self.state = f"{self._lock_memory()}, {self._keep_awake()}"
+    def begin(self, priority: int = 0, care: bool = True) -> str:
+        """Ask for the SCHED_FIFO priority, and with `care` for the rest; return what has come of that."""
+        # What exists now lives as long as the node; the collector need not walk through it in a tick.
+        gc.collect()
+        gc.freeze()
+        gc.disable()
+        self.scheduling = set_priority(priority)
+        self._fifo = priority if self.scheduling.startswith("SCHED_FIFO") else 0
+        if care:
+            self.state = f"{self._lock_memory()}, {self._keep_awake()}"
         return self.state
 
     def end(self) -> None:
-        """Give both back."""
+        """Give everything back."""
+        gc.enable()
+        self._fifo = 0
+        set_priority(0)
         if self._locked:
             _LIBC.munlockall()
             self._locked = False
@@ -51,6 +73,15 @@ class Care:
             os.close(self._latency_file)
             self._latency_file = None
         self.state = "none"
+
+    @contextlib.contextmanager
+    def behind_the_loop(self) -> Iterator[None]:
+        """Schedule what is done here a step behind the loop, lest it holds up a tick in another node."""
+        if self._fifo > 1:
+            set_own_priority(self._fifo - 1)
+        yield
+        if self._fifo > 1:  # and not deactivated meanwhile
+            set_own_priority(self._fifo)
 
     def _lock_memory(self) -> str:
         if _LIBC.mlockall(_MCL_CURRENT | _MCL_FUTURE | _MCL_ONFAULT) != 0:

@@ -1,14 +1,14 @@
-"""A measurement that stands still to the last bit while another one moves is frozen: plain bookkeeping."""
+"""Stuck sensors: a measurement stands still to the last bit while another one moves. Plain bookkeeping."""
 
 from collections.abc import Sequence
 
-#: A measurement is frozen when it has not changed for so long, s,
-FROZEN_S = 2.0
+#: A measurement is stuck when it has not changed for so long, s,
+STUCK_S = 2.0
 #: while another one has moved by this much: Pa, K, K.
 MOVES = {"measured/evaporator_pressure": 200.0, "measured/superheat": 0.2, "measured/wall_temperature": 0.1}
 
 
-class Frozen:
+class StuckSensor:
     """Watches the measurements of a node, tick by tick.
 
     Parameters
@@ -25,7 +25,7 @@ class Frozen:
         self._then: list[list[float]] = []
 
     def which(self, time_s: float, values: Sequence[float]) -> str:
-        """Topic of a frozen measurement at this tick; empty when there is none."""
+        """Return the topic of a measurement that is stuck at this tick; empty when there is none."""
         now = list(values)
         if not self._last:
             self._since_s, self._then = [time_s] * len(now), [now] * len(now)
@@ -33,7 +33,7 @@ class Frozen:
         for i, topic in enumerate(self._topics):
             if not self._last or now[i] != self._last[i]:
                 self._since_s[i], self._then[i] = time_s, now
-            elif time_s - self._since_s[i] >= FROZEN_S and self._others_moved(i, now):
+            elif time_s - self._since_s[i] >= STUCK_S and self._others_moved(i, now):
                 found = topic
         self._last = now
         return found

@@ -146,7 +146,7 @@ class WallClockSet:
     holds : mapping from topic to int or None
         For how many ticks the newest value of a topic may stand in; None: for ever. Topics not named: not at all.
     optional : collection of topics without which a tick may do.
-    blind : callable, optional
+    on_missed_inputs : callable, optional
         Called with the stamp of a tick that lacks what it cannot do without. Without it such a tick is left out.
     """
 
@@ -158,7 +158,7 @@ class WallClockSet:
         patience_ns: int,
         holds: Mapping[str, int | None] | None = None,
         optional: tuple[str, ...] = (),
-        blind: Callable[[int], None] | None = None,
+        on_missed_inputs: Callable[[int], None] | None = None,
     ) -> None:
         self.topics = topics
         self.act = act
@@ -172,7 +172,7 @@ class WallClockSet:
         self._holds: dict[str, int | None] = {topic.name: 0 for topic in topics}
         self._holds.update(holds or {})
         self._optional = optional
-        self._blind = blind
+        self._on_missed_inputs = on_missed_inputs
         self._newest: dict[str, tuple[int, Values]] = {}
         self._waiting: dict[int, dict[str, Values]] = {}
 
@@ -225,7 +225,7 @@ class WallClockSet:
         if self.last_ns < 0:
             return min(self._waiting, default=None)
         following_ns = self.last_ns + self._timeline.period_ns
-        if self._blind is not None or self._stands_in(following_ns):
+        if self._on_missed_inputs is not None or self._stands_in(following_ns):
             return following_ns
         return min(self._waiting, default=None)
 
@@ -245,24 +245,24 @@ class WallClockSet:
     def _close(self, time_ns: int) -> tuple[Any, ...] | None:
         got = self._waiting.pop(time_ns, {})
         arguments: list[Any] = [time_ns]
-        blind = False
+        is_lacking = False
         for topic in self.topics:
             values = got.get(topic.name)
             if values is None:
                 self.held[topic.name] += 1
                 values = self._value(topic, time_ns)
             if values is None:
-                blind = blind or topic.name not in self._optional
+                is_lacking = is_lacking or topic.name not in self._optional
                 values = (None,) * max(len(topic.series), 1)
             arguments += values
         if self.last_ns >= 0:
             self.skipped += max(round((time_ns - self.last_ns) / self._timeline.period_ns) - 1, 0)
         self.last_ns = time_ns
         self._waiting = {stamp: rest for stamp, rest in self._waiting.items() if stamp > time_ns}
-        if not blind:
+        if not is_lacking:
             return tuple(arguments)
-        if self._blind is not None:
-            self._blind(time_ns)
+        if self._on_missed_inputs is not None:
+            self._on_missed_inputs(time_ns)
         return None
 
 

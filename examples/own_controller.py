@@ -11,7 +11,7 @@ import sys
 import numpy as np
 
 from ac_plant_node import operating_point
-from ac_ros_common.loop_node import NodeShell, run_node
+from ac_ros_common.loop_node import LoopNode, run_node
 from ac_ros_common.parameters import OPERATING_POINT, SAMPLE_TIME
 
 # Evaporator pressure moves with the compressor (-0.1 kPa/rpm at rest), superheat with the valve (falls as it opens).
@@ -36,7 +36,7 @@ class PiController:
         return command
 
 
-class PiNode(NodeShell):
+class PiNode(LoopNode):
     """Acts when references and measurements of a tick are there."""
 
     def __init__(self) -> None:

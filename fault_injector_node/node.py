@@ -17,10 +17,11 @@ from rclpy.parameter import Parameter as RosParameter
 from std_srvs.srv import SetBool
 
 from ac_common.fault_profiles import PROFILES
+from ac_common.health import InjectorReport
 from ac_common.safe_command import COMMAND_HOLD_S, CommandHold
 from ac_common.topics import FAULTS, INJECTOR
 from ac_plant_node.rest import rest_at
-from ac_ros_common.loop_node import NodeShell, run_node
+from ac_ros_common.loop_node import LoopNode, run_node
 from ac_ros_common.parameters import MODE, OPERATING_POINT, RUN_START, SAMPLE_TIME, SUPERHEAT_SENSOR, Parameter
 from fault_injector_node.injector import FaultInjector
 from fault_injector_node.live import LiveFault, Shape
@@ -67,7 +68,7 @@ MEASURED = ("measured/evaporator_pressure", "measured/superheat", "measured/wall
 MOST_OPEN_TICKS = 100
 
 
-class InjectorNode(NodeShell):
+class InjectorNode(LoopNode):
     """Shell around `FaultInjector`; publishes the truth about the faults for whoever evaluates the run."""
 
     def __init__(self) -> None:
@@ -196,10 +197,9 @@ class InjectorNode(NodeShell):
             if any(parameter.name.startswith(f"{fault}.") for parameter in parameters):
                 live.change(self._shape(fault))
 
-    def health_values(self) -> dict[str, str]:
-        """Which live faults are on."""
-        active = [fault for fault, live in self._live.items() if live.is_active]
-        return {"live_faults": ", ".join(active)}
+    def node_health(self) -> InjectorReport:
+        """Return which live faults are on."""
+        return InjectorReport(tuple(fault for fault, live in self._live.items() if live.is_active))
 
 
 def main() -> int:

@@ -17,8 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ac_common.arrays import same_shape
-from ac_common.cache import Arrays
+from ac_common.arrays import Arrays, same_shape
 from ac_common.topics import FAULTS
 
 Vector = NDArray[np.float64]
@@ -196,16 +195,16 @@ class FaultDetector:
         self._under_way = [False, False]  # which residuals the detection is about
         self._isolated: list[_Isolated] = []
 
-    def memory(self) -> dict[str, Any]:
-        """What a detector that takes this one's place has to know, fit for JSON (nan included); between two ticks."""
+    def state(self) -> dict[str, Any]:
+        """Return what a detector that takes this one's place needs, fit for JSON (nan included); between two ticks."""
         return {
             "_in": self._in.tolist(),
             **{name: getattr(self, name) for name in _DECISION},
             "_isolated": [[one.fault, one.onset_s, one.isolated_s] for one in self._isolated],
         }
 
-    def remember(self, memory: Mapping[str, Any]) -> None:
-        """Take the place of the detector whose `memory` this is.
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Take the place of the detector whose `state` this is.
 
         Raises
         ------
@@ -213,19 +212,25 @@ class FaultDetector:
             When it is none of a detector of this design.
         """
         try:
-            signals = same_shape(memory["_in"], self._in)
-            decision = {name: memory[name] for name in _DECISION}
-            isolated = [_Isolated(*one) for one in memory["_isolated"]]
+            signals = same_shape(state["_in"], self._in)
+            decision = {name: state[name] for name in _DECISION}
+            isolated = [_Isolated(*one) for one in state["_isolated"]]
         except (KeyError, TypeError, ValueError) as problem:
-            msg = f"not the memory of such a detector: {type(problem).__name__} {problem}"
+            msg = f"not the state of such a detector: {type(problem).__name__} {problem}"
             raise ValueError(msg) from None
         self._in[:], self._isolated = signals, isolated
         vars(self).update(decision)
 
-    def catch_up(self, measured: Vector, air_inlet_temperature_c: float, command: Vector, ticks: int) -> None:
+    def warm_restart(
+        self, measured: Vector, air_inlet_temperature_c: float, command: Vector, missed_ticks: int | None = None
+    ) -> None:
         """Go over ticks that were missed, as if all signals had moved from the last ones to these in straight lines.
 
         Call it before `observe`, with that tick's measurements and the command before. The decision stands still.
+
+        When it is not known what was before, it begins with no innovation: of the states that explain the measurements
+        it takes the one nearest to rest, by the covariance that the observer's inputs give them. So a transient is not
+        taken for a fault, and a fault looks as if it began now.
 
         Parameters
         ----------
@@ -234,25 +239,22 @@ class FaultDetector:
         air_inlet_temperature_c : float
         command : ndarray, shape (2,)
             Compressor speed [rad/s], valve opening [0..1].
-        ticks : int
-            How many were missed.
+        missed_ticks : int, optional
+            How many; None: what was before is not known.
         """
+        if missed_ticks is None:
+            self._begin_from_rest(measured, air_inlet_temperature_c, command)
+            return
         design = self.design
         n = len(design.a)
         start, end = self._in[n : n + 6].copy(), self._now(measured, air_inlet_temperature_c, command)
-        for tick in range(1, ticks + 1):
-            inputs = start + (end - start) * (tick / (ticks + 1))
+        for tick in range(1, missed_ticks + 1):
+            inputs = start + (end - start) * (tick / (missed_ticks + 1))
             innovation = design.c @ self._observer - self._used @ inputs[3:]
             self._filter[:] = design.h_a @ self._filter + design.h_b @ innovation
             self._observer[:] = design.a @ self._observer + design.b @ inputs
 
-    def join(self, measured: Vector, air_inlet_temperature_c: float, command: Vector) -> None:
-        """Join a run under way of which nothing is known but the present: with no innovation to begin with.
-
-        Of the states that explain the measurements it takes the one nearest to rest, by the covariance that the
-        observer's inputs give them; so a transient is not taken for a fault, and a fault looks as if it began now.
-        Parameters as in `catch_up`.
-        """
+    def _begin_from_rest(self, measured: Vector, air_inlet_temperature_c: float, command: Vector) -> None:
         design = self.design
         inputs = self._now(measured, air_inlet_temperature_c, command)
         rest = np.linalg.solve(np.eye(len(design.a)) - design.a, design.b @ inputs)

@@ -1,7 +1,7 @@
 """Node `fdi`: the innovation f_e, the residuals and the decision which fault is there.
 
 On the wall clock it goes over ticks that it missed as if the signals had moved in straight lines, and after a crash
-takes up its predecessor's memory.
+it takes up its predecessor's state.
 """
 
 import math
@@ -10,8 +10,10 @@ import sys
 import numpy as np
 
 from ac_common.fdi_status import StatusRow
+from ac_common.health import FdiReport
 from ac_common.topics import FDI
-from ac_ros_common.loop_node import MEMORY_AGE_S, NodeShell, run_node
+from ac_ros_common.checkpoint import AGE_S
+from ac_ros_common.loop_node import LoopNode, run_node
 from ac_ros_common.parameters import (
     DESIGN_COPY,
     DESIGN_FILE,
@@ -20,8 +22,8 @@ from ac_ros_common.parameters import (
     RUN_START,
     SAMPLE_TIME,
 )
-from ac_ros_common.stuck_sensor import FROZEN_S, Frozen
-from fdi_node.sequencer import Turns
+from ac_ros_common.stuck_sensor import STUCK_S, StuckSensor
+from fdi_node.sequencer import Sequencer
 
 PARAMETERS = (SAMPLE_TIME, MODE, RUN_START, MEMORY_FILE, DESIGN_FILE, DESIGN_COPY)
 MEASURED = ("measured/evaporator_pressure", "measured/superheat", "measured/wall_temperature")
@@ -29,12 +31,12 @@ MEASURED = ("measured/evaporator_pressure", "measured/superheat", "measured/wall
 HOLD_S = 0.3
 
 
-class FdiNode(NodeShell):
+class FdiNode(LoopNode):
     """Shell around `FaultDetector`: one `observe` for each measurement, one `commanded` for each command."""
 
     def __init__(self) -> None:
         super().__init__(FDI, PARAMETERS)
-        self._turns = Turns(self._observe, self._close)
+        self._sequencer = Sequencer(self._observe, self._close)
 
     def configure(self) -> None:
         """Load the design."""
@@ -43,9 +45,9 @@ class FdiNode(NodeShell):
         self._detector = FaultDetector(self.design(FdiDesign))
         self._joins = self.run_start_ns >= 0
         self._start_ns = self.run_start_ns if self._joins else None
-        self._frozen = Frozen(MEASURED)
+        self._stuck = StuckSensor(MEASURED)
         self._last_command: np.ndarray | None = None
-        self._turns = Turns(self._observe, self._close)
+        self._sequencer = Sequencer(self._observe, self._close)
         self.on_tick(
             (*MEASURED, "plant/air_inlet_temperature"),
             self._measured,
@@ -58,54 +60,44 @@ class FdiNode(NodeShell):
 
     def _measured(self, time_ns: int, *values: float) -> None:
         """Take the measurements of a tick."""
-        if self.is_realtime and (topic := self._frozen.which(time_ns / 1e9, values[:3])):
-            self.reject(topic, "frozen", f"{topic}: has stood still for {FROZEN_S:g} s while others moved")
+        if self.is_realtime and (topic := self._stuck.which(time_ns / 1e9, values[:3])):
+            self.health.reject(topic, "frozen", f"{topic}: has stood still for {STUCK_S:g} s while others moved")
             return
-        if self._joins and not self._join(time_ns, *values):
-            return
-        self._turns.measured(time_ns, *values)
+        if self._joins:
+            if self._last_command is None:
+                return
+            saved_ns = self.checkpoint.load(time_ns, self._detector)
+            self._warm_restart(saved_ns, time_ns, *values)
+            self._joins = False
+        self._sequencer.measured(time_ns, *values)
 
     def _commanded(self, time_ns: int, compressor_speed: float, valve_opening: float) -> None:
         """Take the command of a tick."""
         self._last_command = np.array([compressor_speed, valve_opening])
-        self._turns.commanded(time_ns, compressor_speed, valve_opening)
+        self._sequencer.commanded(time_ns, compressor_speed, valve_opening)
 
     def _close(self, compressor_speed: float, valve_opening: float) -> None:
         """Step the observer over the tick that was observed last."""
         self._detector.commanded(np.array([compressor_speed, valve_opening]))
-        self.keep(self._turns.observed_ns, self._detector.memory)
+        self.checkpoint.save(self._sequencer.observed_ns, self._detector)
 
-    def _join(self, time_ns: int, *values: float) -> bool:
-        """Begin in the middle of a run; False while there is no command yet."""
+    def _warm_restart(self, since_ns: int | None, time_ns: int, *values: float) -> None:
+        """Go over the ticks since the last one that the detector knows; None: it knows none."""
         if self._last_command is None:
-            return False
-        now = (np.array(values[:3]), values[3], self._last_command)
-        memory = self.recollect(time_ns, self._detector.remember)
-        if memory is None:
-            self._detector.join(*now)
-        else:
-            self._detector.catch_up(*now, self.missed_ticks(memory["time_ns"], time_ns))
-        self._joins = False
-        return True
-
-    def _catch_up(self, time_ns: int, *values: float) -> None:
-        """Go over the ticks since the last one that was observed."""
-        missed = self.missed_ticks(self._turns.observed_ns, time_ns)
-        if missed <= 0 or self._last_command is None:
             return
-        now = (np.array(values[:3]), values[3], self._last_command)
-        if missed * self.sample_time_s < MEMORY_AGE_S:
-            self._detector.catch_up(*now, missed)
-        else:
-            self._detector.join(*now)
+        missed = None if since_ns is None else self.missed_ticks(since_ns, time_ns)
+        if missed is not None and missed * self.sample_time_s >= AGE_S:
+            missed = None  # straight lines over so long a time mean nothing
+        if missed is None or missed > 0:
+            self._detector.warm_restart(np.array(values[:3]), values[3], self._last_command, missed)
 
     def _observe(self, time_ns: int, *values: float) -> None:
         if self._start_ns is None:
             self._start_ns = time_ns
-        if self.is_realtime and self._turns.observed_ns >= 0:
-            if self._turns.awaited_ns is not None and self._last_command is not None:
+        if self.is_realtime and self._sequencer.observed_ns >= 0:
+            if self._sequencer.awaited_ns is not None and self._last_command is not None:
                 self._detector.commanded(self._last_command)
-            self._catch_up(time_ns, *values)
+            self._warm_restart(self._sequencer.observed_ns, time_ns, *values)
         time_s = (time_ns - self._start_ns) / 1e9
         found = self._detector.observe(time_s, np.array(values[:3]), values[3])
         p_e, superheat, wall = found.innovation.tolist()
@@ -128,9 +120,9 @@ class FdiNode(NodeShell):
         self.send(time_ns, "fdi/residual/compressor_speed", speed)
         self.send(time_ns, "fdi/residual/evaporator_pressure", pressure)
 
-    def health_values(self) -> dict[str, str]:
-        """How often a measurement had to go ahead without the command of the tick before."""
-        return {"missed_commands": str(self._turns.overtaken)}
+    def node_health(self) -> FdiReport:
+        """Return how often a measurement had to go ahead without the command of the tick before."""
+        return FdiReport(self._sequencer.overtaken)
 
 
 def main() -> int:

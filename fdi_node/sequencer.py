@@ -10,7 +10,7 @@ from collections.abc import Callable
 Tick = tuple[int, *tuple[float, ...]]
 
 
-class Turns:
+class Sequencer:
     """Calls `observe` and `close` in turn, once for each tick.
 
     Parameters

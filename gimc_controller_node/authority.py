@@ -69,7 +69,7 @@ class Authority:
         return self._gain < 1.0
 
     def step(self, speed: float, valve: float) -> float:
-        """Factor, 0 to 1, on the q [rad/s, 0..1] that the filters ask for."""
+        """Return the factor, 0 to 1, on the q [rad/s, 0..1] that the filters ask for."""
         ratio = max(abs(speed) / self._speed, abs(valve) / self._valve)
         if self.outside:
             self._quiet_s = self._quiet_s + self._sample_time_s if ratio < RETURN_RATIO else 0.0
@@ -88,12 +88,12 @@ class Authority:
         self._share += min(max(target - self._share, -self._share_step), self._share_step)
         return self._share * min(self._bound / ratio, 1.0) if ratio > 0.0 else self._share
 
-    def memory(self) -> list[float]:
-        """What one that takes this one's place has to know."""
+    def state(self) -> list[float]:
+        """Return what one that takes this one's place has to know."""
         own = (self._share, self._gain, self._bound, self._wait_s, self._in_service_s, self._quiet_s)
         return [float(self.outside), *own]
 
-    def remember(self, memory: list[float]) -> None:
-        """Take the place of the one whose `memory` this is."""
-        outside, self._share, self._gain, self._bound, self._wait_s, self._in_service_s, self._quiet_s = memory
+    def restore(self, state: list[float]) -> None:
+        """Take the place of the one whose `state` this is."""
+        outside, self._share, self._gain, self._bound, self._wait_s, self._in_service_s, self._quiet_s = state
         self.outside = bool(outside)

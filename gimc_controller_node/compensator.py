@@ -24,8 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ac_common.arrays import same_shape
-from ac_common.cache import Arrays
+from ac_common.arrays import Arrays, same_shape
 from ac_common.topics import FAULTS
 from ac_common.units import KPA, RPM
 from gimc_controller_node.authority import DESIGN_RANGE, Authority
@@ -45,7 +44,7 @@ TYPICAL_LENGTH_S = 20.0
 
 
 def range_of_filters(design: "CompensatorDesign") -> Vector:
-    """Bounds of q for a design that comes without: from how its own filters answer `TYPICAL_STEPS`.
+    """Return bounds of q for a design that comes without: from how its own filters answer `TYPICAL_STEPS`.
 
     Returns
     -------
@@ -120,7 +119,7 @@ class CompensatorDesign:
 
     @classmethod
     def from_arrays(cls, arrays: Arrays) -> "CompensatorDesign":
-        """Design from the arrays that the cache stores, or of a file of your own, which may lack the last four."""
+        """Return the design from the arrays of a file, which may lack the last four."""
         none = np.empty((2, 0))
         free = {"q_range": np.empty(0), "reference_rest": np.empty(0), "reach_offsets": none, "reach_excess": none}
         known = {**free, **arrays}
@@ -178,15 +177,15 @@ class Compensator:
         """
         return OUTSIDE if self._authority.outside and self.accommodate else ""
 
-    def memory(self) -> dict[str, Any]:
-        """What a compensator that takes this one's place has to know, fit for JSON; between two ticks."""
+    def state(self) -> dict[str, Any]:
+        """Return what a compensator that takes this one's place has to know, fit for JSON; between two ticks."""
         arrays = {name: getattr(self, name).tolist() for name in _ARRAYS}
         own = {"_correction": self._correction, **{name: getattr(self, name) for name in _NUMBERS}}
         own["_reach"] = self._reach.gain
-        return {**arrays, **own, "_authority": self._authority.memory()}
+        return {**arrays, **own, "_authority": self._authority.state()}
 
-    def remember(self, memory: Mapping[str, Any]) -> None:
-        """Take the place of the compensator whose `memory` this is.
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Take the place of the compensator whose `state` this is.
 
         Raises
         ------
@@ -194,35 +193,35 @@ class Compensator:
             When it is none of a compensator of this design.
         """
         try:
-            arrays = {name: same_shape(memory[name], getattr(self, name)) for name in _ARRAYS}
-            correction = [float(value) for value in memory["_correction"]]
-            share, often = float(memory["_share"]), float(memory["_often"])
-            follows, isolated, reach = bool(memory["_follows"]), int(memory["_isolated"]), float(memory["_reach"])
-            self._authority.remember([float(value) for value in memory["_authority"]])
+            arrays = {name: same_shape(state[name], getattr(self, name)) for name in _ARRAYS}
+            correction = [float(value) for value in state["_correction"]]
+            share, often = float(state["_share"]), float(state["_often"])
+            follows, isolated, reach = bool(state["_follows"]), int(state["_isolated"]), float(state["_reach"])
+            self._authority.restore([float(value) for value in state["_authority"]])
         except (KeyError, TypeError, ValueError) as problem:
-            msg = f"not the memory of such a compensator: {type(problem).__name__} {problem}"
+            msg = f"not the state of such a compensator: {type(problem).__name__} {problem}"
             raise ValueError(msg) from None
         for name, array in arrays.items():
             getattr(self, name)[:] = array
         self._correction[:] = correction
         self._share, self._often, self._follows, self._isolated = share, often, follows, isolated
-        self._reach.begin(reach)
+        self._reach.restore(reach)
 
-    def catch_up(
+    def warm_restart(
         self,
         innovation: Vector,
         isolated: str | None,
         also_isolated: str | None,
-        ticks: int,
-        reference: tuple[float, float] | None = None,
+        reference: tuple[float, float] | None,
+        missed_ticks: int,
     ) -> None:
         """Go over missed ticks as if f_e had moved from the last one to this one in a straight line.
 
-        Call it before `step`, with that tick's innovation, isolation and references; `ticks` is how many were missed.
+        Call it before `step`, with that tick's innovation, isolation and references.
         """
         start = self._innovation.copy()
-        for tick in range(1, ticks + 1):
-            self.step(start + (innovation - start) * (tick / (ticks + 1)), isolated, also_isolated, reference)
+        for tick in range(1, missed_ticks + 1):
+            self.step(start + (innovation - start) * (tick / (missed_ticks + 1)), isolated, also_isolated, reference)
 
     def step(
         self,
@@ -231,7 +230,7 @@ class Compensator:
         also_isolated: str | None = None,
         reference: tuple[float, float] | None = None,
     ) -> Vector:
-        """Signal q of this tick.
+        """Return the signal q of this tick.
 
         Parameters
         ----------
@@ -276,7 +275,7 @@ class Compensator:
         return np.array([share * speed, share * valve])
 
     def _may_follow(self, isolated: int) -> bool:
-        """Whether the faults that are isolated, none to two, are to be followed.
+        """Return whether the faults that are isolated, none to two, are to be followed.
 
         Not when they come and go too often, nor where q has gone beyond its bounds or all of it would leave too little
         margin: a model that is not good enough for the guard is not for the isolation either.
@@ -291,7 +290,7 @@ class Compensator:
 
 
 def _filters(design: CompensatorDesign, rate: float) -> Vector:
-    """Matrix of a tick: `[what is kept of the six signals, x+, l+, g+]` of `[x, l, g, f_e]`.
+    """Return the matrix of a tick: `[what is kept of the six signals, x+, l+, g+]` of `[x, l, g, f_e]`.
 
     x is the filters' state and `s = C x + D f_e` the signals. What is kept of them is `s - g`; g, what is forgotten, is
     s after two lags: `l+ = l + rate (s - l)`, `g+ = g + rate (l+ - g)`.

@@ -10,7 +10,8 @@ from rclpy.parameter import Parameter as RosParameter
 
 from ac_common.fdi_status import StatusRow
 from ac_common.topics import COMPENSATOR
-from ac_ros_common.loop_node import MEMORY_AGE_S, NodeShell, run_node
+from ac_ros_common.checkpoint import AGE_S
+from ac_ros_common.loop_node import LoopNode, run_node
 from ac_ros_common.parameters import (
     DESIGN_COPY,
     DESIGN_FILE,
@@ -43,7 +44,7 @@ INPUTS = (
 TWO_SENSORS = "accommodate cannot be true with two sensors: the compensators are designed for three"
 
 
-class CompensatorNode(NodeShell):
+class CompensatorNode(LoopNode):
     """Shell around `Compensator`."""
 
     def __init__(self) -> None:
@@ -80,23 +81,23 @@ class CompensatorNode(NodeShell):
         innovation = np.array([p_e, superheat, wall])
         wanted = None if wanted_p_e is None or wanted_superheat is None else (wanted_p_e, wanted_superheat)
         if self.is_realtime:
-            self._catch_up(time_ns, innovation, status, wanted)
+            self._warm_restart(time_ns, innovation, status, wanted)
         q = self._compensator.step(innovation, status.isolated, status.also_isolated, wanted)
         self.enter(self._compensator.does, time_ns)
         self.send(time_ns, "compensator/q", *q.tolist())
-        self.keep(time_ns, self._compensator.memory)
+        self.checkpoint.save(time_ns, self._compensator)
 
-    def _catch_up(
+    def _warm_restart(
         self, time_ns: int, innovation: np.ndarray, status: StatusRow, reference: tuple[float, float] | None
     ) -> None:
-        """Take up the memory of before a crash, and go over the ticks that were missed."""
-        memory = self.recollect(time_ns, self._compensator.remember) if self._joins else None
-        if memory is not None:
-            self._stepped_ns = memory["time_ns"]
+        """Take up what was saved before a crash, and go over the ticks that were missed."""
+        saved_ns = self.checkpoint.load(time_ns, self._compensator) if self._joins else None
+        if saved_ns is not None:
+            self._stepped_ns = saved_ns
         self._joins = False
         missed = self.missed_ticks(self._stepped_ns, time_ns) if self._stepped_ns >= 0 else 0
-        if 0 < missed * self.sample_time_s < MEMORY_AGE_S:
-            self._compensator.catch_up(innovation, status.isolated, status.also_isolated, missed, reference)
+        if 0 < missed * self.sample_time_s < AGE_S:
+            self._compensator.warm_restart(innovation, status.isolated, status.also_isolated, reference, missed)
         self._stepped_ns = time_ns
 
     def _may_change(self, parameters: Sequence[RosParameter]) -> SetParametersResult:

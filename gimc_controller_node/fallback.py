@@ -1,25 +1,23 @@
-"""The controller in its surroundings: K0 without q, the safe command without measurements, protection."""
+"""The controller in its surroundings: no q, no measurements (the safe command), protection."""
 
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ac_common.safe_command import towards
-from gimc_controller_node.controller import Controller
+from gimc_controller_node.controller import Command, Vector
+from gimc_controller_node.limited_controller import LimitedController
 from gimc_controller_node.protection import IDLE, Protection, ProtectionLimits, protect
-
-Vector = NDArray[np.float64]
 
 GIMC, K0_ALONE, SAFE = "", "no q: K0 alone", "no measurement: going to the safe command"
 
 
 class FallbackController:
-    """A `Controller` that answers every tick, whatever is missing, and never with a jump of its own making.
+    """A controller that answers every tick, whatever is missing, and never with a jump of its own making.
 
     Parameters
     ----------
-    controller : Controller
+    controller : LimitedController
     limits : ProtectionLimits, optional
         Of what the plant may be asked to do.
 
@@ -34,7 +32,7 @@ class FallbackController:
         (a measurement or a reference is missing).
     """
 
-    def __init__(self, controller: Controller, limits: ProtectionLimits | None = None) -> None:
+    def __init__(self, controller: LimitedController, limits: ProtectionLimits | None = None) -> None:
         self._controller = controller
         self._limits = limits or ProtectionLimits()
         self.protection: Protection = IDLE
@@ -47,13 +45,13 @@ class FallbackController:
         self._sample_time_s = controller.design.sample_time_s
         self.mode = GIMC
 
-    def resume(self, command: Vector, measured: Vector, reference: Vector) -> None:
-        """Take over from whatever moves the actuators now: see `Controller.resume`."""
-        self._controller.resume(command, measured, reference)
+    def warm_restart(self, command: Command, measured: Vector, reference: Vector) -> None:
+        """Take over from whatever moves the actuators now: see `LimitedController.warm_restart`."""
+        self._controller.warm_restart(command, measured, reference)
         self._command = np.array(command, dtype=np.float64)
 
-    def step(self, reference: Vector, measured: Vector, q: Vector | None) -> Vector:
-        """Command of a tick with references and measurements; q None when there is none."""
+    def step(self, reference: Vector, measured: Vector, q: Vector | None) -> Command:
+        """Return the command of a tick with references and measurements; q None when there is none."""
         wanted_pressure, wanted_superheat = reference.tolist()
         self.is_reference_raised = wanted_pressure < self._lowest[0] or wanted_superheat < self._lowest[1]
         if self.is_reference_raised:
@@ -67,10 +65,10 @@ class FallbackController:
             self.protection = protection
             self._controller.cap(protection.speed.value, protection.opening.value)
         if self.mode == SAFE:
-            self._controller.resume(self._command, measured, reference)
+            self._controller.warm_restart(self._command, measured, reference)
         command = self._controller.step(reference, measured, q)
         if math.isnan(command[0] + command[1]):  # numbers that overflowed: begin anew from what the actuators do
-            return self.blind()
+            return self.on_missed_inputs()
         self.mode = GIMC if q is not None else K0_ALONE
         self._command = command
         return command
@@ -83,8 +81,8 @@ class FallbackController:
         raised = self._raised if self.is_reference_raised else ""
         return "; ".join(text for text in (self.mode, raised, self.protection.reason) if text)
 
-    def blind(self) -> Vector:
-        """Command of a tick that lacks measurements or references: one stride nearer to the safe command."""
+    def on_missed_inputs(self) -> Command:
+        """Return the command of a tick that lacks measurements or references: a stride nearer to the safe command."""
         self.mode = SAFE
         self._command = towards(self._command, self._safe, self._sample_time_s)
         return self._command

@@ -11,7 +11,7 @@ import sys
 import numpy as np
 
 from ac_common.topics import CONTROLLER
-from ac_ros_common.loop_node import NodeShell, run_node
+from ac_ros_common.loop_node import LoopNode, run_node
 from ac_ros_common.parameters import (
     DESIGN_COPY,
     DESIGN_FILE,
@@ -20,7 +20,7 @@ from ac_ros_common.parameters import (
     SAMPLE_TIME,
     Parameter,
 )
-from ac_ros_common.stuck_sensor import FROZEN_S, Frozen
+from ac_ros_common.stuck_sensor import STUCK_S, StuckSensor
 from gimc_controller_node.protection import ProtectionLimits
 
 #: Fields of `ProtectionLimits` that are parameters, with what they may be.
@@ -35,6 +35,11 @@ PARAMETERS = (
     RUN_START,
     DESIGN_FILE,
     DESIGN_COPY,
+    Parameter(
+        "controller_class",
+        "",
+        "class of a controller of yours, my_module.MyClass, found from the folder where the node is started; empty: K0",
+    ),
     *(
         Parameter(f"protection.{name}", getattr(ProtectionLimits(), name), text, low, high)
         for name, (low, high, text) in LIMITS.items()
@@ -51,20 +56,23 @@ DISCOVERY_S = 5.0
 PATIENCE = 0.7
 
 
-class ControllerNode(NodeShell):
-    """Shell around `Controller` and what it falls back to."""
+class ControllerNode(LoopNode):
+    """Shell around a `Controller` and all that stands around one (`make_controller`)."""
 
     def __init__(self) -> None:
         super().__init__(CONTROLLER, PARAMETERS)
 
     def configure(self) -> None:
         """Load the design."""
-        from gimc_controller_node import Controller, ControllerDesign
-        from gimc_controller_node.fallback import FallbackController
+        from gimc_controller_node import ControllerDesign
+        from gimc_controller_node.making import check_controller, make_controller
 
         limits = ProtectionLimits(**{name: self.value(f"protection.{name}") for name in LIMITS})
-        self._controller = FallbackController(Controller(self.design(ControllerDesign)), limits)
-        self._frozen = Frozen(("measured/evaporator_pressure", "measured/superheat"))
+        design, own = self.design(ControllerDesign), self.value("controller_class")
+        if own:
+            check_controller(own, design)
+        self._controller = make_controller(design, own, limits)
+        self._stuck = StuckSensor(("measured/evaporator_pressure", "measured/superheat"))
         self._setpoint: np.ndarray | None = None
         self._joins = self.run_start_ns >= 0
         self._waited_s = 0.0
@@ -86,15 +94,15 @@ class ControllerNode(NodeShell):
             },
             optional=("compensator/q",),
             patience=PATIENCE,
-            blind=self._blind,
+            on_missed_inputs=self._on_missed_inputs,
         )
         if self.is_realtime:
             self.on_tick(("actuator/setpoint",), self._held)
 
     def _step(self, time_ns: int, *values: float) -> None:
-        if self.is_realtime and (topic := self._frozen.which(time_ns / 1e9, values[2:4])):
-            self.reject(topic, "frozen", f"{topic}: has stood still for {FROZEN_S:g} s while others moved")
-            self._blind(time_ns)
+        if self.is_realtime and (topic := self._stuck.which(time_ns / 1e9, values[2:4])):
+            self.health.reject(topic, "frozen", f"{topic}: has stood still for {STUCK_S:g} s while others moved")
+            self._on_missed_inputs(time_ns)
             return
         reference, measured = np.array(values[:2]), np.array(values[2:4])
         if self._joins and not self._take_over(measured, reference):
@@ -102,9 +110,9 @@ class ControllerNode(NodeShell):
         q = None if values[4] is None else np.array(values[4:])
         self._send(time_ns, self._controller.step(reference, measured, q))
 
-    def _blind(self, time_ns: int) -> None:
+    def _on_missed_inputs(self, time_ns: int) -> None:
         if not self._joins:
-            self._send(time_ns, self._controller.blind())
+            self._send(time_ns, self._controller.on_missed_inputs())
 
     def _send(self, time_ns: int, command: np.ndarray) -> None:
         if self._controller.does != self.health.mode:
@@ -121,7 +129,7 @@ class ControllerNode(NodeShell):
         self._waited_s += self.sample_time_s
         self._unheard_s -= self.sample_time_s
         if self._setpoint is not None:
-            self._controller.resume(self._setpoint, measured, reference)
+            self._controller.warm_restart(self._setpoint, measured, reference)
         elif self._waited_s < SETPOINT_PATIENCE_S:
             return False
         self._joins = False

@@ -59,12 +59,12 @@ class Reach:
         """Whether all of q is let through."""
         return self.gain > 1.0 - 1e-9
 
-    def begin(self, gain: float) -> None:
+    def restore(self, gain: float) -> None:
         """Go on from this gain, whatever the first reference is."""
         self.gain, self._known = gain, (np.nan, np.nan)
 
     def step(self, pressure: float, superheat: float) -> float:
-        """Gain of this tick, with these references [Pa, K]."""
+        """Return the gain of this tick, with these references [Pa, K]."""
         if not self._rest:
             return 1.0
         if (pressure, superheat) != self._known:

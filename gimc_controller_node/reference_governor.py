@@ -32,14 +32,14 @@ class ReferenceGovernor:
         self._expected = output
 
     def governed(self, reference: float) -> float:
-        """What K0 is to be given for this reference now; nothing moves on."""
+        """Return what K0 is to be given for this reference now; nothing moves on."""
         expected = self._expected
         if expected is None or not abs(reference - expected) > self._lead:
             return reference
         return expected + math.copysign(self._lead, reference - expected)
 
     def step(self, reference: float) -> float:
-        """As `governed`, and on to the next tick."""
+        """Return what K0 is to be given, and go on to the next tick."""
         passed = self.governed(reference)
         expected = passed if self._expected is None else self._expected
         self._expected = expected + self._share * (passed - expected)

@@ -10,7 +10,7 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
-from ac_ros_common.client_node import guest
+from ac_ros_common.client_node import client_node
 from bringup.launch.processes import ros_environment
 
 
@@ -20,7 +20,7 @@ class Operator:
     def __init__(self) -> None:
         os.environ.update(ros_environment())
         self._stack = ExitStack()
-        self._node, self._executor = self._stack.enter_context(guest("operator"))
+        self._node, self._executor = self._stack.enter_context(client_node("operator"))
 
     def call(self, type_: Any, name: str, request: Any) -> Any:
         client = self._node.create_client(type_, name)

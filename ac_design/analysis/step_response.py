@@ -15,7 +15,7 @@ from ac_common.units import KPA
 from ac_design.store import design_controller
 from ac_plant_node import Plant, linearize, operating_point
 from gimc.sampled import discretise
-from gimc_controller_node import Controller
+from gimc_controller_node import limited_k0
 
 Vector = NDArray[np.float64]
 
@@ -86,7 +86,7 @@ def run(
         design = replace(design, command_min=-_UNLIMITED, command_max=_UNLIMITED, command_rate=_UNLIMITED)
     if not governed:
         design = replace(design, lead=_UNLIMITED)
-    controller, answer = Controller(design), _plant(point, linear, sample_time_s)
+    controller, answer = limited_k0(design), _plant(point, linear, sample_time_s)
     start, ticks = np.array(rest.outputs[:2]), round(until_s / sample_time_s)
     wanted, at = np.zeros((ticks, 2)), np.arange(ticks) * sample_time_s
     for from_s, kpa, kelvin in steps:

@@ -21,7 +21,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from ac_common.errors import UserError, shortened
 from ac_common.fdi_status import StatusRow, status_row
-from ac_common.health import health_of, read_restarts
+from ac_common.health import BringupReport, HealthReport, PlantReport, health_of
 from ac_common.topics import BRINGUP, BY_NAME, DIAGNOSTICS, NAMESPACE, OCCASIONAL, PLANT, Topic
 from ac_common.wire import NANOSECONDS, columns, read_diagnostics, stamp_ns, stamps_ns
 from ac_experiments.bags.recorder import MENDED_RECORD, RUN_RECORD, bag_files
@@ -175,9 +175,8 @@ def read_bag(bag: Path | str) -> Recording:
     }
     recording.metadata.update(_timing(_last_health(raw, PLANT)))
     recording.metadata["overruns"] = {node.name: node.overruns for node in health_of(health_reports(raw))}
-    recording.metadata["restarts"] = [
-        asdict(restart) for restart in read_restarts(_last_health(raw, BRINGUP).get("restarts", "[]"))
-    ]
+    told = BringupReport.read(_last_health(raw, BRINGUP)).restarts
+    recording.metadata["restarts"] = [asdict(restart) for restart in told]
     recording.metadata["events"] = _events(raw, first, scenario.ticks * tick_ns)
     return recording
 
@@ -188,7 +187,7 @@ def first_stamp_ns(raw: RawBag) -> int:
     Our plant begins to beat when all nodes are there, so its first message is the first of all. Somebody else's may
     have beaten before; then it is the first message that the scenario player answered.
     """
-    is_ours = "first_ns" in _last_health(raw, PLANT)
+    is_ours = PlantReport.read(_last_health(raw, PLANT)).first_ns is not None
     for name in (BEAT,) if is_ours else (ANSWER, BEAT):
         if found := loop_messages(raw, BY_NAME[name]):
             return stamp_ns(found[0])
@@ -236,27 +235,22 @@ def _status(data: bytes, first: int) -> StatusRow | None:
 
 
 def _timing(health: dict[str, str]) -> dict[str, Any]:
-    """Return what the plant's last health report says of the wall clock; nothing where it does not say it."""
-    try:
-        return {
-            "wall_seconds": float(health["wall_seconds"]),
-            "missed_ticks": int(health["missed_ticks"]),
-            "command_latency_ms": {
-                quantile: float(health[f"command_latency_{quantile}_ms"]) for quantile in ("p50", "p99", "max")
-            },
-        }
-    except (KeyError, ValueError):
+    """What the plant's last health report says of the wall clock; nothing where it does not say it."""
+    said = PlantReport.read(health)
+    if said.missed_ticks is None or not math.isfinite(said.wall_seconds):
         return {}
+    return {
+        "wall_seconds": said.wall_seconds,
+        "missed_ticks": said.missed_ticks,
+        "command_latency_ms": dict(zip(("p50", "p99", "max"), said.command_latency_ms, strict=True)),
+    }
 
 
 def _events(raw: RawBag, first: int, duration_ns: int) -> list[dict[str, Any]]:
     """Return what nodes announced within the run, in order of time; each once, as reports repeat it."""
     found: dict[tuple[float, str, str], None] = {}  # in the order of reports
     for name, values in health_reports(raw):
-        try:
-            announced = [(float(time_s), str(what)) for time_s, what in json.loads(values["announced"])]
-        except (KeyError, ValueError, TypeError):
-            continue
+        announced = HealthReport.read(values).announced
         since = [(round(time_s - first / 1e9, 6) if first else time_s, what) for time_s, what in announced]
         found |= {(time_s, name, what): None for time_s, what in since if 0.0 <= time_s < duration_ns / 1e9}
     in_order = sorted(found, key=lambda event: event[:2])

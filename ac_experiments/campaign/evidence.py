@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ac_common.health import Restart, missed_ticks, reported
+from ac_common.health import HealthReport, Restart, missed_ticks
 from ac_common.topics import BY_NAME, COMPENSATOR, CONTROLLER, PLANT
 from ac_common.units import KPA
 from ac_common.wire import NANOSECONDS, columns, stamps_ns
@@ -17,7 +17,6 @@ from ac_experiments.campaign.plan import Plan
 from ac_experiments.report.nodes import reports_of
 
 COMMAND = BY_NAME["controller/command"]
-REJECTED, MISSING = "rejected/", "missing/"
 
 
 def gather(
@@ -54,11 +53,9 @@ def gather(
     reports = list(health_reports(raw))
     missed = missed_ticks([values for name, values in reports if name == PLANT], scenario.sample_time_s)
     for name, values in reports:
-        for key, value in values.items():
-            if key.startswith(REJECTED) and value.isdecimal():
-                by_reason = rejected.setdefault(name, {})
-                reason = key.removeprefix(REJECTED)
-                by_reason[reason] = max(by_reason.get(reason, 0), int(value))
+        for reason, count in HealthReport.read(values).rejected.items():
+            by_reason = rejected.setdefault(name, {})
+            by_reason[reason] = max(by_reason.get(reason, 0), count)
     return Evidence(
         plan=plan,
         problem=problem,
@@ -82,7 +79,6 @@ def _stand_ins(raw: RawBag) -> list[tuple[float, str, int, int]]:
     found = []
     for report in reports_of(raw):
         if report.node in (COMPENSATOR, CONTROLLER):
-            missing = [int(reported(report.values, key, 0.0)) for key in report.values if key.startswith(MISSING)]
-            ticks = int(reported(report.values, "ticks", 0.0))
-            found.append((report.time_s, report.node, ticks, max(missing, default=0)))
+            missing = max(report.health.missing.values(), default=0)
+            found.append((report.time_s, report.node, report.health.ticks or 0, missing))
     return found

@@ -1,14 +1,14 @@
 """How the nodes of a recorded run fared: their health reports on `/diagnostics` as curves and events."""
 
-import json
 import math
 import struct
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from ac_common.health import read_restarts
+from ac_common.health import BringupReport, FdiReport, HealthReport, PlantReport
 from ac_common.topics import BRINGUP, COMPENSATOR, CONTROLLER, FDI, INJECTOR, NAMESPACE, PLANT, RECORDER, SCENARIO
 from ac_common.wire import NANOSECONDS, read_diagnostics, stamp_ns
 from ac_experiments.bags.reader import SHORTEST_MESSAGE, RawBag, first_stamp_ns
@@ -27,13 +27,12 @@ _LOOKS = {
 _BEAT = f"{NAMESPACE}/plant/evaporator_pressure"
 
 #: Counters of a health report whose growth is an event, and how it is told.
-_COUNTERS = {
-    "missed_ticks": "ticks missed (command late, the last one held)",
-    "missed_commands": "ticks without a command seen",
-    "overruns": "ticks took longer than they may",
-    "lost_inputs": "inputs lost",
-    "late_inputs": "inputs too late",
-}
+_COUNTERS: tuple[tuple[Callable[["Report"], int | None], str], ...] = (
+    (lambda report: PlantReport.read(report.values).missed_ticks, "ticks missed (command late, the last one held)"),
+    (lambda report: FdiReport.read(report.values).missed_commands, "ticks without a command seen"),
+    (lambda report: report.health.overruns, "ticks took longer than they may"),
+    (lambda report: report.health.late_inputs, "inputs too late"),
+)
 #: Reports may come by the hundred; a table of more events than these is read by nobody.
 MOST_EVENTS = 60
 
@@ -46,6 +45,11 @@ class Report:
     node: str
     message: str
     values: Mapping[str, str]
+
+    @cached_property
+    def health(self) -> HealthReport:
+        """What every node reports, read from the figures."""
+        return HealthReport.read(self.values)
 
 
 @dataclass(frozen=True)
@@ -100,15 +104,15 @@ def events_of(reports: Sequence[Report], first_tick_s: float = 0.0) -> list[Even
         told.update(announced)
         events += _grown(report, before)
         said = before.message if before else "inactive"
-        state = report.values.get("state", "")
+        state = report.health.state
         if report.message not in (said, state, *(event.what for event in announced)):
             events.append(Event(report.time_s, report.node, report.message))
-        ended = before is not None and before.values.get("state") == "active" and state not in ("active", "")
-        if ended and report.values.get("finished") != "true":
+        ended = before is not None and before.health.state == "active" and state not in ("active", "")
+        if ended and not PlantReport.read(report.values).finished:
             events.append(Event(report.time_s, report.node, f"no longer active: {state}"))
         last[report.node] = report
     if BRINGUP in last:
-        restarts = read_restarts(last[BRINGUP].values.get("restarts", "[]"))
+        restarts = BringupReport.read(last[BRINGUP].values).restarts
         events += [Event(restart.died_s, restart.node, str(restart)) for restart in restarts]
     return sorted(events, key=lambda event: event.time_s)
 
@@ -117,18 +121,26 @@ def health_charts(reports: Sequence[Report]) -> list[Chart]:
     """Timing over the run: how long each node took from its inputs to its outputs, and how fast the loop ran."""
     nodes = [node for node in reversed(_LOOKS) if any(report.node == node for report in reports)]
     described = (
-        ("latency_p50_ms", "From a node's inputs to its outputs, typical", "median, ms"),
-        ("latency_max_ms", "From a node's inputs to its outputs, longest", "longest, ms"),
+        (_typical_ms, "From a node's inputs to its outputs, typical", "median, ms", ""),
+        (_longest_ms, "From a node's inputs to its outputs, longest", "longest, ms", "y"),
     )
     charts = []
-    for key, title, y_title in described:
-        curves = [curve for node in nodes if (curve := _curve(reports, node, key)) is not None]
+    for figure, title, y_title, log in described:
+        curves = [curve for node in nodes if (curve := _curve(reports, node, figure)) is not None]
         if curves:
-            charts.append(_chart(title, y_title, curves, log="y" if key == "latency_max_ms" else ""))
-    speed = _curve(reports, CONTROLLER, "rate_hz")
+            charts.append(_chart(title, y_title, curves, log=log))
+    speed = _curve(reports, CONTROLLER, lambda health: health.rate_hz)
     if speed is not None:
         charts.append(_chart("Commands in a second of the wall clock", "1/s", [speed]))
     return charts
+
+
+def _typical_ms(health: HealthReport) -> float:
+    return health.latency_p50_ms
+
+
+def _longest_ms(health: HealthReport) -> float:
+    return health.latency_max_ms
 
 
 def _chart(title: str, y_title: str, curves: Sequence[Curve], log: str = "") -> Chart:
@@ -142,11 +154,11 @@ def _chart(title: str, y_title: str, curves: Sequence[Curve], log: str = "") -> 
     return Chart(title, curves, y_title, "Time of the report, s", x_range=x_range, y_range=y_range, log=log)
 
 
-def _curve(reports: Sequence[Report], node: str, key: str) -> Curve | None:
+def _curve(reports: Sequence[Report], node: str, figure: Callable[[HealthReport], float]) -> Curve | None:
     points = [
         (report.time_s, value)
         for report in reports
-        if report.node == node and report.time_s >= 0.0 and math.isfinite(value := _number(report.values.get(key)))
+        if report.node == node and report.time_s >= 0.0 and math.isfinite(value := figure(report.health))
     ]
     if len(points) < 2:
         return None
@@ -156,36 +168,24 @@ def _curve(reports: Sequence[Report], node: str, key: str) -> Curve | None:
 
 
 def _announced(report: Report, first_tick_s: float) -> Iterator[Event]:
-    try:
-        announced = json.loads(report.values.get("announced", "[]"))
-        for tick_s, what in announced:
-            yield Event(float(tick_s) - first_tick_s, report.node, str(what))
-    except (ValueError, TypeError):
-        return
+    for tick_s, what in report.health.announced:
+        yield Event(tick_s - first_tick_s, report.node, what)
 
 
 def _grown(report: Report, before: Report | None) -> Iterator[Event]:
-    """Counters that are higher than in this node's report before."""
-    old = before.values if before else {}
-
-    def growth(key: str) -> int:
-        new, known = _number(report.values.get(key)), _number(old.get(key, "0"))
-        return int(new - known) if math.isfinite(new) and math.isfinite(known) else 0
-
-    reasons = [key for key in report.values if key.startswith("rejected/") and growth(key) > 0]
-    why = ", ".join(f"{growth(key)} {key.removeprefix('rejected/')}" for key in reasons)
-    if (refused := growth("rejected_inputs")) > 0:
-        last = report.values.get("last_rejected", "")
+    """Give the counters that are higher than in this node's report before, in words."""
+    old = before.health if before else HealthReport()
+    by_reason = {reason: n - old.rejected.get(reason, 0) for reason, n in report.health.rejected.items()}
+    why = ", ".join(f"{more} {reason}" for reason, more in by_reason.items() if more > 0)
+    if (refused := _growth(report.health.rejected_inputs, old.rejected_inputs)) > 0:
+        last = report.health.last_rejected
         detail = "; ".join(part for part in (why, f"the last: {last}" if last else "") if part)
         what = f"{refused} input{'s' if refused > 1 else ''} refused"
         yield Event(report.time_s, report.node, f"{what} ({detail})" if detail else what)
-    for key, words in _COUNTERS.items():
-        if (more := growth(key)) > 0:
+    for counter, words in _COUNTERS:
+        if (more := _growth(counter(report), counter(before) if before else None)) > 0:
             yield Event(report.time_s, report.node, f"{more} {words}")
 
 
-def _number(text: str | None) -> float:
-    try:
-        return float(text) if text is not None else math.nan
-    except ValueError:
-        return math.nan
+def _growth(new: int | None, old: int | None) -> int:
+    return 0 if new is None else new - (old or 0)

@@ -19,7 +19,6 @@ from typing import Any
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 
 from ac_common.topics import (
@@ -35,9 +34,11 @@ from ac_common.topics import (
     SCENARIO,
     TOPICS,
 )
-from ac_ros_common.loop_node import IDLE_S, LOOP_QOS
+from ac_ros_common._rclpy import RCLError
+from ac_ros_common.loop_node import IDLE_S
 from ac_ros_common.messages import message_class
 from ac_ros_common.process_exit import end_with_parent, leave
+from ac_ros_common.qos import LOOP_QOS
 
 NAMESPACE = "/bare"
 
@@ -177,7 +178,7 @@ def main() -> int:
         executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
-    except _rclpy.RCLError:
+    except RCLError:
         if rclpy.ok():
             raise  # else told to end in the middle of a call into the middleware
     finally:

@@ -21,7 +21,7 @@ import numpy as np
 import psutil
 
 from ac_common.blas_threads import one_blas_thread
-from ac_common.health import missed_ticks, reported
+from ac_common.health import HealthReport, missed_ticks
 from ac_common.topics import INJECTOR, NAMESPACE, PLANT, TOPICS
 from ac_experiments.bags.reader import RawBag, health_reports, read_bag, read_raw
 from ac_experiments.scenario import check
@@ -119,11 +119,11 @@ def lost_messages(
     In a missed tick any may have. And the injector does not send on what has not come from the plant in time; it counts
     such ticks in its health `reports` (``missing/plant/...``, its last one tells).
     """
-    lacked = dict(reports).get(INJECTOR, {})
+    lacked = HealthReport.read(dict(reports).get(INJECTOR, {}))
     lost = {}
     for name, count in missing.items():
         kind, _, quantity = name.partition("/")
-        unmeasured = reported(lacked, f"missing/plant/{quantity}", 0.0) if kind == "measured" else 0.0
+        unmeasured = lacked.missing.get(f"plant/{quantity}", 0) if kind == "measured" else 0
         if count > max(missed, unmeasured):
             lost[name] = count
     return lost
@@ -194,7 +194,7 @@ def judge_ticks(done: GraphRun, raw: RawBag, noise: HostNoise, sample_time_s: fl
         print(f"  by our code: tick {each.tick}, command {came}, machine stood still {still_ms:.1f} ms")
     latest = f"the latest {noise.max_ms:.1f} ms ({noise.scheduling})"
     print(f"late wake-ups of idle processes: {noise.long} by more than {1e3 * STALL_S:g} ms, {latest}")
-    overruns = {name: values.get("overruns", "0") for name, values in health_reports(raw)}
+    overruns = {name: HealthReport.read(values).overruns or 0 for name, values in health_reports(raw)}
     print("overruns: " + ", ".join(f"{name} {count}" for name, count in sorted(overruns.items())))
     broken = [f"{len(ours)} ticks missed by our code"] * bool(ours)
     return broken + [f"{untold} missed ticks of which nobody told"] * (untold > 0)

@@ -1,6 +1,5 @@
 """How long until a killed node is back in service, and until an unexpected publisher has been reported."""
 
-import json
 import time
 from pathlib import Path
 
@@ -8,11 +7,12 @@ import rclpy
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
+from ac_common.health import BringupReport
 from ac_common.topics import BRINGUP, COMPENSATOR, CONTROLLER, FDI, INJECTOR, NAMESPACE, RECORDER, SCENARIO
 from ac_common.wire import read_diagnostics
 from ac_experiments.bags.reader import read_raw
 from ac_experiments.scenario import load
-from ac_ros_common.loop_node import LOOP_QOS
+from ac_ros_common.qos import LOOP_QOS
 from bringup.benchmarks.children import node_processes
 from bringup.benchmarks.figure import Figure
 from bringup.launch.launch import run_graph
@@ -70,8 +70,7 @@ def _first_report_ns(bag: Path) -> float:
     """Return when the bag's first report of the unexpected publisher was written."""
     for log_ns, data in read_raw(bag).messages["/diagnostics"]:
         for status in read_diagnostics(data):
-            if status.name.endswith(f"/{BRINGUP}") and any(
-                UNEXPECTED in line for line in json.loads(status.values["strangers"])
-            ):
+            unexpected = BringupReport.read(status.values).strangers
+            if status.name.endswith(f"/{BRINGUP}") and any(UNEXPECTED in line for line in unexpected):
                 return log_ns
     return float("nan")

@@ -85,8 +85,10 @@ def run(
     folder = prepare_folder(out or Path("results") / chosen.name, force)
 
     from ac_experiments.bags.reader import read_bag
+    from ac_experiments.designs import check_controller_of
     from bringup.launch.launch import run_graph
 
+    check_controller_of(chosen)
     with page(with_page) as beside, progress_bar(f"{chosen.name} ({mode})") as progress:
         try:
             run_graph(chosen, folder, mode=mode, progress=progress, user=user, say=say, beside=beside, care=care)

@@ -15,7 +15,7 @@ from ac_common.errors import shortened
 from ac_common.topics import BY_NAME, DIAGNOSTICS, NAMESPACE
 from ac_common.wire import read_diagnostics
 from ac_experiments.bags.reader import decode
-from ac_ros_common.client_node import guest
+from ac_ros_common.client_node import client_node
 from ac_ros_common.messages import message_class
 from bringup.launch.processes import ros_environment
 
@@ -48,7 +48,7 @@ class Watch:
     def __init__(self) -> None:
         os.environ.update(ros_environment())
         self._stack = ExitStack()
-        self._node, self._executor = self._stack.enter_context(guest(NAME))
+        self._node, self._executor = self._stack.enter_context(client_node(NAME))
         self._arrivals: dict[str, deque[float]] = {}
         self._newest: dict[str, bytes] = {}
         self._types: dict[str, str] = {}

@@ -26,7 +26,7 @@ from std_srvs.srv import SetBool
 
 from ac_common.errors import UserError, one_line
 from ac_common.fdi_status import StatusRow, status_row
-from ac_common.health import read_restarts
+from ac_common.health import BringupReport, HealthReport, InjectorReport, PlantReport, Restart
 from ac_common.topics import (
     BRINGUP,
     BY_NAME,
@@ -41,10 +41,10 @@ from ac_common.topics import (
     SCENARIO,
 )
 from ac_common.wire import read_diagnostics, stamp_ns, value_offsets
-from ac_ros_common.client_node import guest
+from ac_ros_common.client_node import client_node
 from ac_ros_common.inputs import Gate, Subscriptions
-from ac_ros_common.loop_node import PLAIN_QOS
 from ac_ros_common.messages import message_class
+from ac_ros_common.qos import PLAIN_QOS
 from bringup.dash.reconfigure import reconfigure
 from bringup.dash.rows import TOPIC_NAMES, Rows, threshold_values
 from bringup.launch.process_table import ACTIVATION_ORDER
@@ -149,7 +149,7 @@ class Link:
         self._ends = threading.Event()
         self._reconfiguring: threading.Thread | None = None
         self._stack = ExitStack()
-        self._node, self._executor = self._stack.enter_context(guest(PAGE, NAMESPACE, domain))
+        self._node, self._executor = self._stack.enter_context(client_node(PAGE, NAMESPACE, domain))
         self._loop = Subscriptions(self._node.context, self._take)
         self._readers: list[Callable[[bytes], None]] = []
         for name in TOPIC_NAMES:
@@ -204,11 +204,12 @@ class Link:
             return "setting up"
         if not plant:
             return "setting up" if self._is_starting and PLANT not in self._heard.heard_s else "absent"
-        if plant.get("finished") == "true":
+        state, run = HealthReport.read(plant).state, PlantReport.read(plant)
+        if run.finished:
             return "over"
-        if plant.get("state") == "active":
+        if state == "active":
             return "running"
-        return "paused" if plant.get("state") == "inactive" and plant.get("tick", "0") != "0" else "setting up"
+        return "paused" if state == "inactive" and run.tick else "setting up"
 
     # -- controls -----------------------------------------------------------------------------------------------
 
@@ -301,7 +302,7 @@ class Link:
                 reply = await self._ask(ChangeState, f"{name}/change_state", request)
                 if reply is None:
                     return
-                if not reply.success and self._heard.health.get(name, {}).get("state") != state:
+                if not reply.success and HealthReport.read(self._heard.health.get(name, {})).state != state:
                     self.say(f"{name} refuses", failed=True)
                     return
             self.say(what)
@@ -400,16 +401,15 @@ class Link:
             self._heard.health[name] = {item.key: item.value for item in status.values}
             self._heard.heard_s[name] = time.monotonic()
             if name == BRINGUP:
-                self._hear_of_restarts(self._heard.health[name].get("restarts", "[]"))
+                self._hear_of_restarts(BringupReport.read(self._heard.health[name]).restarts)
             if name == INJECTOR:
-                said = self._heard.health[name].get("live_faults", "")
-                self._heard.live_faults = frozenset(fault for fault in FAULTS if fault in said)
+                said = InjectorReport.read(self._heard.health[name]).live_faults
+                self._heard.live_faults = frozenset(said) & frozenset(FAULTS)
             if name in WATCHED and name not in self._heard.asked:
                 self._heard.asked.add(name)
                 self._jobs.put(self._get(name))
 
-    def _hear_of_restarts(self, text: str) -> None:
-        restarts = read_restarts(text)
+    def _hear_of_restarts(self, restarts: tuple[Restart, ...]) -> None:
         self._heard.restarting = tuple(restart.node for restart in restarts if not restart.is_back)
         told = [f"{restart.node} {restart}" for restart in restarts]
         if told != self._heard.restarts:

@@ -12,7 +12,7 @@ from bokeh.models import ColumnDataSource, CustomJS
 from bokeh.models.widgets import Div, RadioButtonGroup
 from jinja2 import Environment, FileSystemLoader
 
-from ac_common.health import reported
+from ac_common.health import PlantReport
 from ac_common.topics import FAULTS
 from ac_common.units import FAULT_UNITS, KPA
 from bringup.dash.controls import FAULT_KINDS, STYLE, ChangeControl, FaultControl, RunControl
@@ -170,7 +170,7 @@ class _Page:
         p_e, superheat, p_c = newest["p_e"] * KPA, newest["superheat"], newest["p_c"] * KPA
         if not all(map(math.isfinite, (p_e, superheat, p_c))) or min(p_e, p_c) <= 0.0:
             return
-        state = {key[6:]: float(value) for key, value in view.plant.items() if key.startswith("state/")}
+        state = dict(PlantReport.read(view.plant).internal_state)
         below = subcooled_enthalpy(state["p_c"], state["h_c3"]) if state else 0.0
         self._cycle.data = cycle_columns(corners(p_e, superheat, p_c, below))
         if view.point and view.point != self._rest_of:
@@ -226,7 +226,8 @@ def _lamp(name: str, on: bool, kind: str, words: str) -> str:
 
 def readouts(newest: Mapping[str, float], view: View) -> str:
     """Figures of this moment, with their units."""
-    cooling = reported(view.plant, "cooling_power_w") / 1e3
+    said = PlantReport.read(view.plant)
+    cooling = (math.nan if said.cooling_power_w is None else said.cooling_power_w) / 1e3
     figures = (
         ("evaporator", f"{newest.get('p_e', math.nan):.1f} kPa"),
         ("condenser", f"{newest.get('p_c', math.nan):.0f} kPa"),
@@ -237,7 +238,7 @@ def readouts(newest: Mapping[str, float], view: View) -> str:
         ("air flow", f"{newest.get('air_flow', math.nan):.0f} g/s"),
         ("air inlet", f"{newest.get('air_inlet', math.nan):.1f} °C"),
         ("cooling", f"{cooling:.2f} kW"),
-        ("missed ticks", view.plant.get("missed_ticks", "–")),
+        ("missed ticks", "–" if said.missed_ticks is None else str(said.missed_ticks)),
     )
     parts = [f"<div><span>{name}</span><b>{figure.replace('nan', '–')}</b></div>" for name, figure in figures]
     return f'<div class="readouts">{"".join(parts)}</div>'

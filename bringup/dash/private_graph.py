@@ -135,12 +135,12 @@ def find_or_start(point: str = "med") -> tuple[int, PrivateGraph | None]:
 
 def _is_running(domain: int, patience_s: float) -> bool:
     """Whether the plant of a graph is to be seen in a ROS domain within a while."""
-    from ac_ros_common.client_node import guest
+    from ac_ros_common.client_node import client_node
 
     if domain not in range(233):
         return False
     os.environ.update(ros_environment())
-    with guest("acftc_dash_look", domain=domain) as (node, _executor):
+    with client_node("acftc_dash_look", domain=domain) as (node, _executor):
         until = time.monotonic() + patience_s
         while time.monotonic() < until:
             if PLANT in node.get_node_names():

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Mapping
 from typing import Any
 
+from ac_common.health import HealthReport
 from ac_common.topics import BRINGUP, NAMESPACE, OCCASIONAL, PAGE, PLANT, RECORDER, TOPICS, Topic
 from ac_ros_common.type_definitions import type_hash
 
@@ -34,12 +35,10 @@ class GraphAudit:
             reads = sum(self._reads(name, topic) for topic in (*TOPICS, *OCCASIONAL))
             if not self.reports(name):
                 return self.publishes_all(name)
-            if reads < self._reported(name, "subscriptions"):
+            if reads < (self._report(name).subscriptions or 0):
                 return False  # not all of them have been discovered here
-        return all(
-            self._reported(name, f"subscribers/{topic}") >= n + self._others_readers(topic)
-            for topic, n in self._wanted(name).items()
-        )
+        readers = self._report(name).subscribers
+        return all(readers.get(topic, 0) >= n + self._others_readers(topic) for topic, n in self._wanted(name).items())
 
     def reports(self, name: str) -> bool:
         """Whether a node tells its state on /diagnostics, as those of acftc do."""
@@ -109,12 +108,12 @@ class GraphAudit:
             for topic in TOPICS
             if topic.publisher == name
         }
-        if name == PLANT and "subscribers/clock" in self._health.get(name, {}):
+        if name == PLANT and "clock" in self._report(name).subscribers:
             wanted["clock"] = recorded
         return wanted
 
-    def _reported(self, name: str, key: str) -> int:
-        return int(self._health.get(name, {}).get(key) or 0)
+    def _report(self, name: str) -> HealthReport:
+        return HealthReport.read(self._health.get(name, {}))
 
 
 def _is(name: str, endpoint: Any) -> bool:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ac_common.errors import InterruptedRunError, RunError, UserError
-from ac_common.health import MissedTick, Restart, missed_ticks, reported
+from ac_common.health import MissedTick, Restart, missed_ticks
 from ac_common.topics import NAMESPACE, PLANT, RECORDER
 from ac_experiments.bags.recorder import mend
 from ac_experiments.designs import write_designs_of
@@ -157,14 +157,14 @@ def _stop_nodes(children: Mapping[str, Child]) -> None:
 
 def _result(scenario: Scenario, bag: Path, start_seconds: float, domain: int, supervisor: "Supervisor") -> GraphRun:
     health = supervisor.health.get(PLANT, {})  # a user's plant may have nothing to say
-    p50, p99, most = (reported(health, f"command_latency_{quantile}_ms") for quantile in ("p50", "p99", "max"))
+    said = supervisor.plant()
     return GraphRun(
         bag=bag,
         ticks=scenario.ticks,
-        wall_seconds=reported(health, "wall_seconds"),
+        wall_seconds=said.wall_seconds,
         start_seconds=start_seconds,
-        missed_ticks=int(reported(health, "missed_ticks", 0.0)),
-        latency_ms=(p50, p99, most),
+        missed_ticks=said.missed_ticks or 0,
+        latency_ms=said.command_latency_ms,
         domain=domain,
         restarts=tuple(supervisor.restarts),
         missed=missed_ticks([health], scenario.sample_time_s),

@@ -1,8 +1,8 @@
 """Which nodes have died or hang, when each is started again, and which are back: plain bookkeeping on given times."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 
-from ac_common.health import Restart
+from ac_common.health import HealthReport, Restart
 from bringup.launch.restart_policy import RestartPolicy
 
 #: An active node reports each second. One that has not for so long hangs, s.
@@ -19,7 +19,7 @@ class Restarts:
         self._policy = RestartPolicy()
         self._due_s: dict[str, float] = {}  # dead nodes, and when they are to be started again
         self._death_s: dict[str, float] = {}  # when each died last
-        self._dead_pid: dict[str, str] = {}  # and which process that was: its last words may come after its end
+        self._dead_pid: dict[str, int] = {}  # and which process that was: its last words may come after its end
 
     @property
     def waiting(self) -> list[str]:
@@ -30,9 +30,9 @@ class Restarts:
         """Whether a node has died and has not been started again."""
         return node in self._due_s
 
-    def is_of_dead(self, node: str, report: Mapping[str, str]) -> bool:
+    def is_of_dead(self, node: str, report: HealthReport) -> bool:
         """Whether a health report is of a process that has ended."""
-        return self.is_dead(node) or (node in self._dead_pid and report.get("pid") == self._dead_pid[node])
+        return self.is_dead(node) or (node in self._dead_pid and report.pid == self._dead_pid[node])
 
     def died(self, node: str, now_s: float) -> bool:
         """Note a death; whether the node is to be started again, or has had its chances."""
@@ -47,7 +47,7 @@ class Restarts:
         """Return how often a node died lately."""
         return self._policy.deaths(node)
 
-    def add(self, node: str, pid: str, died_run_s: float, reason: str) -> None:
+    def add(self, node: str, pid: int, died_run_s: float, reason: str) -> None:
         """Begin the record of a restart: the process, when it died in the time of the run, and why."""
         self._dead_pid[node] = pid
         self.all.append(Restart(node, died_run_s, reason))

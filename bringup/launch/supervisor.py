@@ -1,12 +1,10 @@
 """Manages running nodes over ROS: life cycle, readiness, health, restarts. Processes are in `processes`."""
 
-import json
 import os
 import signal
 import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack, suppress
-from dataclasses import asdict
 from typing import Any, Self
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -15,10 +13,10 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.parameter import parameter_value_to_python
 
 from ac_common.errors import RunError
-from ac_common.health import Restart
+from ac_common.health import BringupReport, HealthReport, PlantReport, RecorderReport, Restart
 from ac_common.topics import BRINGUP, NAMESPACE, PLANT, RECORDER
-from ac_ros_common.client_node import guest
-from ac_ros_common.loop_node import PLAIN_QOS
+from ac_ros_common.client_node import client_node
+from ac_ros_common.qos import PLAIN_QOS
 from bringup.launch.graph_audit import GraphAudit
 from bringup.launch.lifecycle_client import LifecycleClient, ParameterRequest
 from bringup.launch.process_table import PROCESSES
@@ -79,7 +77,7 @@ class Supervisor:
         os.environ.update({name: value for name, value in environment.items() if name != "ROS_DOMAIN_ID"})
         self._stack = ExitStack()
         self.node, self._executor = self._stack.enter_context(
-            guest(BRINGUP, NAMESPACE, None if domain is None else int(domain))
+            client_node(BRINGUP, NAMESPACE, None if domain is None else int(domain))
         )
         self._audit = GraphAudit(self.node, tuple(self._children), self._users, self.health)
         self._lifecycle = LifecycleClient(self.node, self._children)
@@ -121,11 +119,19 @@ class Supervisor:
 
     def state(self, name: str) -> str:
         """Return the life-cycle state of a node as it last reported it; empty as long as it has not."""
-        return self.reported(name, "state")
+        return self.report_of(name).state
 
-    def reported(self, name: str, key: str) -> str:
-        """Return what a node has last reported under a key; empty when it has not."""
-        return self.health.get(name, {}).get(key, "")
+    def report_of(self, name: str) -> HealthReport:
+        """Return what a node has reported last, as every node does; an empty report when it has not."""
+        return HealthReport.read(self.health.get(name, {}))
+
+    def plant(self) -> PlantReport:
+        """Return what the plant has reported last of its own."""
+        return PlantReport.read(self.health.get(PLANT, {}))
+
+    def recorder(self) -> RecorderReport:
+        """Return what the recorder has reported last of its own."""
+        return RecorderReport.read(self.health.get(RECORDER, {}))
 
     def meet(self, names: Iterable[str]) -> None:
         """Wait until all these nodes, which run already, have reported their state."""
@@ -195,7 +201,7 @@ class Supervisor:
             said = {item.key: item.value for item in status.values}
             if status.name != f"{NAMESPACE}/{name}" or name not in self._children:
                 continue
-            if not self._restarts.is_of_dead(name, said):
+            if not self._restarts.is_of_dead(name, HealthReport.read(said)):
                 self.health[name] = said
                 self._silence.heard(name, time.monotonic())
                 self._note_return(name)
@@ -235,23 +241,24 @@ class Supervisor:
             raise RunError(self._failed(name, "died"))
         if not self._restarts.died(name, now_s):
             raise RunError(self._failed(name, f"died {self._restarts.deaths(name)} times"))
-        pid = self.health.pop(name, {}).get("pid", str(child.process.pid))
+        pid = self.report_of(name).pid or child.process.pid
+        self.health.pop(name, None)
         reason = self._silence.died(name) or f"{child.end}: {child.last_words()}"
         # In the time of the run, by the plant's word for when it began on the monotonic clock.
-        run_s = round(time.monotonic() - float(self.reported(PLANT, "epoch_monotonic_s") or "nan"), 3)
+        run_s = round(time.monotonic() - self.plant().epoch_monotonic_s, 3)
         self._restarts.add(name, pid, run_s, reason)
         self._say(f"node {name} died ({reason}) and is started again")
 
     def _start_again(self, name: str) -> None:
         assert self._revive is not None
-        first_ns = self.reported(PLANT, "first_ns")
-        changed = {"run_start_ns": int(first_ns)} if first_ns and name != RECORDER else {}
+        first_ns = self.plant().first_ns
+        changed = {"run_start_ns": first_ns} if first_ns is not None and name != RECORDER else {}
         self._children[name] = self._revive(name, {**self._changed.get(name, {}), **changed})
         self._report()
 
     def _note_return(self, name: str) -> None:
         """Note that a node that had died works again."""
-        if int(self.reported(name, "ticks") or 0) > 0:
+        if (self.report_of(name).ticks or 0) > 0:
             for restart in self._restarts.back(name, time.monotonic()):
                 self._say(f"node {name} is back in service after {restart.back_s - restart.died_s:.1f} s")
                 self._report()
@@ -288,12 +295,10 @@ class Supervisor:
 def _health(restarts: Restarts, unexpected: list[str]) -> DiagnosticStatus:
     """Return the health report of bringup itself."""
     waiting = restarts.waiting
+    said = BringupReport(tuple(restarts.all), tuple(unexpected)).values()
     return DiagnosticStatus(
         level=DiagnosticStatus.WARN if waiting or unexpected else DiagnosticStatus.OK,
         name=f"{NAMESPACE}/{BRINGUP}",
         message=f"restarting {', '.join(waiting)}" if waiting else "; ".join(unexpected) or "all is well",
-        values=[
-            KeyValue(key="restarts", value=json.dumps([asdict(restart) for restart in restarts.all])),
-            KeyValue(key="strangers", value=json.dumps(unexpected)),
-        ],
+        values=[KeyValue(key=key, value=value) for key, value in said.items()],
     )

@@ -4,7 +4,6 @@ import json
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
@@ -12,12 +11,14 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import deserialize_message
 
 from ac_common.design_file import ATTACHMENT, DESIGNED
+from ac_common.health import PlantReport, RecorderReport
 from ac_common.topics import BY_NAME, CLOCK, DIAGNOSTICS, OCCASIONAL, PLANT, RECORDER, TOPICS
 from ac_common.wire import stamp_ns
 from ac_experiments.bags.recorder import BagWriter, RecordedTopic
 from ac_ros_common.inputs import Arrival, Subscriptions
-from ac_ros_common.loop_node import DEADLINE_S, DEPTH, IDLE_S, LOOP_QOS, PLAIN_QOS, NodeShell, run_node
+from ac_ros_common.loop_node import IDLE_S, LoopNode, run_node
 from ac_ros_common.parameters import MODE, Parameter
+from ac_ros_common.qos import DEADLINE_S, DEPTH, LOOP_QOS, PLAIN_QOS
 
 #: Far below what the middleware keeps for a slow reader, and below the bag's flush period.
 TAKE_PERIOD_S = 0.02
@@ -37,7 +38,7 @@ PARAMETERS = (
 )
 
 
-class RecorderNode(NodeShell):
+class RecorderNode(LoopNode):
     """Shell around `BagWriter`: takes serialised messages and never looks into them, but for the health reports."""
 
     def __init__(self) -> None:
@@ -109,9 +110,9 @@ class RecorderNode(NodeShell):
     def _look_at_health(self, data: bytes) -> None:
         """See from the plant's health report whether the run is over."""
         for status in deserialize_message(data, DiagnosticArray).status:
-            said = {item.key: item.value for item in status.values}
-            if self._finished_s is None and status.name.endswith(f"/{PLANT}") and said.get("finished") == "true":
-                self._finished_s = time.monotonic()
+            if self._finished_s is None and status.name.endswith(f"/{PLANT}"):
+                said = PlantReport.read({item.key: item.value for item in status.values})
+                self._finished_s = time.monotonic() if said.finished else None
 
     def missing(self) -> str:
         """Which messages of the run are not in the bag: empty when every one is."""
@@ -143,12 +144,9 @@ class RecorderNode(NodeShell):
             if self.value("designs") and file.exists():
                 bag.attach(ATTACHMENT.format(node), file.read_bytes())
 
-    def health_values(self) -> dict[str, Any]:
-        """Whether the bag holds the whole run."""
-        return {
-            "complete": "true" if self._complete else "false",
-            "missing": self.missing() if self._finished_s is not None else "",
-        }
+    def node_health(self) -> RecorderReport:
+        """Return whether the bag holds the whole run."""
+        return RecorderReport(self._complete, self.missing() if self._finished_s is not None else "")
 
 
 def main() -> int:

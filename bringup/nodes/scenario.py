@@ -16,7 +16,7 @@ from ac_common.topics import SCENARIO
 from ac_common.units import KPA
 from ac_experiments.scenario_schema import Air, References, targets_within
 from ac_plant_node.rest import rest_at
-from ac_ros_common.loop_node import NodeShell, run_node
+from ac_ros_common.loop_node import LoopNode, run_node
 from ac_ros_common.parameters import MODE, RUN_START, Parameter
 
 _P_E = targets_within(References, "evaporator_pressure_kpa")
@@ -70,7 +70,7 @@ PARAMETERS = (
 HOLD_S = 0.3
 
 
-class ScenarioNode(NodeShell):
+class ScenarioNode(LoopNode):
     """Plays the arrays of `ac_experiments.scenario.program`, row by row; the last row stays on."""
 
     def __init__(self) -> None:

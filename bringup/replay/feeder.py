@@ -6,8 +6,8 @@ from typing import Any
 
 from ac_common.topics import NAMESPACE, TOPICS, Topic
 from ac_common.wire import stamp_ns
-from ac_ros_common.loop_node import LOOP_QOS
 from ac_ros_common.messages import message_class
+from ac_ros_common.qos import LOOP_QOS
 from bringup.launch.supervisor import Supervisor
 
 

@@ -12,8 +12,8 @@ import click
 from ac_common.fdi_status import StatusRow
 from ac_common.topics import DIAGNOSTICS, JOINT_FIELD, JOINTS, NAMESPACE, PRESSURE, TOPICS, Topic
 from ac_common.wire import pack_status, read_diagnostics
-from ac_ros_common.loop_node import DEADLINE_S, DEPTH
 from ac_ros_common.parameters import COMMON, Parameter
+from ac_ros_common.qos import DEADLINE_S, DEPTH
 from bringup.launch.process_table import PROCESSES
 from docs.tools import scenario_reference
 

@@ -17,6 +17,7 @@ from ac_experiments.scenario_schema import (
     Air,
     Change,
     CompressorSpeedFault,
+    ControllerName,
     EvaporatorPressureFault,
     Noise,
     RamAir,
@@ -43,7 +44,8 @@ MEANING = {
     "passive": "true: K0 alone, the compensator stays silent",
     "sensors": "3: p_e, superheat and the wall thermocouple; 2: without the thermocouple, K0 alone (`passive: true`)",
     "superheat_sensor": "direct: superheat is measured; derived: from an outlet thermocouple and the measured pressure",
-    "controller": "tracking: K0 holds both references; paper: K0 after the paper's passive case, which leaves SH alone",
+    "controller": "tracking: K0 holds both references; paper: K0 after the paper's passive case, which leaves SH "
+    "alone; a class of yours: see [your own controller](how-to/own-controller.md)",
     "references": "references of the controller; its protection raises those below 175 kPa or 8 K to that value",
     "air": "the evaporator's air side",
     "faults": "a list of faults; the sum of those of one kind that overlap must stay within the limits of one",
@@ -125,6 +127,9 @@ def _allowed(field: FieldInfo) -> str:
         kind = options[0]
     if get_origin(kind) is Literal:
         return ", ".join(f"`{value}`" for value in get_args(kind))
+    for constraint in field.metadata:
+        if isinstance(name := getattr(constraint, "func", None), ControllerName):
+            return ", ".join([*(f"`{known}`" for known in name.names), name.otherwise])
     if get_origin(kind) is list:
         return ", ".join(["a list", *_bounds(field)])
     names: dict[Any, str] = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}

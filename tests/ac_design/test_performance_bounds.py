@@ -7,7 +7,7 @@ from ac_common.units import KPA, RPM
 from ac_design import design_controller
 from ac_design.analysis.step_response import overshoot, run
 from ac_plant_node import Plant, operating_point
-from gimc_controller_node import Controller
+from gimc_controller_node import limited_k0
 
 SAMPLE_TIME_S = 0.1
 
@@ -48,8 +48,8 @@ def test_a_new_controller_takes_over_from_what_the_actuators_do(point: str) -> N
     inputs[:2] += [0.05 * rest.inputs[0], 0.01]  # some safe command that is not the operating point's
     for _ in range(300):
         outputs = plant.step(inputs, SAMPLE_TIME_S)
-    controller = Controller(design_controller(point, SAMPLE_TIME_S))
-    controller.resume(inputs[:2], outputs[:2], rest.outputs[:2])
+    controller = limited_k0(design_controller(point, SAMPLE_TIME_S))
+    controller.warm_restart(inputs[:2], outputs[:2], rest.outputs[:2])
     off = abs(outputs[0] - rest.outputs[0])
     commands, errors = [inputs[:2].copy()], []
     for _ in range(1200):

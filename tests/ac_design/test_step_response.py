@@ -6,7 +6,7 @@ import pytest
 from ac_design import design_controller
 from ac_design.analysis.step_response import STEPS_KPA, overshoot, run, there_and_back
 from ac_plant_node import operating_point
-from gimc_controller_node import Controller
+from gimc_controller_node import limited_k0
 
 SAMPLE_TIME_S = 0.1
 STEPS = [(point, step_kpa) for point, steps in STEPS_KPA.items() for step_kpa in steps]
@@ -46,7 +46,7 @@ def test_at_a_limit_the_other_command_does_what_is_missing() -> None:
     random = np.random.default_rng(0)
     stride = design.command_rate * SAMPLE_TIME_S
     for _ in range(20):
-        controller, outputs = Controller(design), np.array(operating_point("med").outputs[:2])
+        controller, outputs = limited_k0(design), np.array(operating_point("med").outputs[:2])
         wanted = np.array([3.0, 2.0]) * stride * random.uniform(-1.0, 1.0, 2)
         sent = controller.step(outputs, outputs, wanted) - design.command_rest
         grid = [

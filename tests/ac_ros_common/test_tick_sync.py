@@ -36,8 +36,9 @@ class Run:
 
     def __init__(self, **options):
         self.timeline = Timeline(PERIOD)
-        self.acted, self.blind = [], []
-        self.set = WallClockSet(PAIR, self._act, self.timeline, PERIOD // 2, blind=self.blind.append, **options)
+        self.acted, self.missed = [], []
+        options |= {"on_missed_inputs": self.missed.append}
+        self.set = WallClockSet(PAIR, self._act, self.timeline, PERIOD // 2, **options)
 
     def _act(self, stamp, *values):
         self.acted.append((self.now, stamp, values))
@@ -74,7 +75,7 @@ def test_every_tick_is_answered_once_in_order_and_in_time(ticks):
     first = [(BOOT, name, START - PERIOD, -1.0) for name in NAMES]
     run = Run(holds=dict.fromkeys(NAMES, 3))
     run.feed([*first, *sent(ticks)], BOOT + 31 * PERIOD)
-    stamps = sorted([stamp for _, stamp, _ in run.acted] + run.blind)
+    stamps = sorted([stamp for _, stamp, _ in run.acted] + run.missed)
     assert stamps == list(range(START - PERIOD, stamps[-1] + 1, PERIOD))  # none left out, none twice
     assert stamps[-1] >= START + 28 * PERIOD
     for now, stamp, values in run.acted:
@@ -117,7 +118,7 @@ def test_values_stand_in_for_as_long_as_they_may_and_then_the_node_is_told():
     run = Run(holds={NAMES[0]: 2}, optional=(NAMES[1],))
     run.feed([(BOOT, NAMES[0], START, 7.0), (BOOT, NAMES[1], START, 8.0)], BOOT + 6 * PERIOD)
     assert [values for _, _, values in run.acted] == [(7.0, 8.0), (7.0, None), (7.0, None)]
-    assert run.blind == [START + k * PERIOD for k in (3, 4, 5)]
+    assert run.missed == [START + k * PERIOD for k in (3, 4, 5)]
     assert run.set.held == {NAMES[0]: 5, NAMES[1]: 5}
 
 
@@ -184,7 +185,7 @@ def test_plant_that_stamps_by_a_jittering_clock_gets_one_answer_a_tick(ticks):
         messages += [(BOOT + stamp - START, name, stamp, float(k)) for name in NAMES[: 1 + has_both]]
     run.feed(messages, BOOT + (len(ticks) + 1) * PERIOD - 1)
     assert [values[0] for _, _, values in run.acted] == [float(k) for k in range(len(ticks) + 1)]
-    assert run.blind == []
+    assert run.missed == []
 
 
 TRIO = tuple(BY_NAME[f"plant/{name}"] for name in ("evaporator_pressure", "superheat", "wall_temperature"))

@@ -28,6 +28,7 @@ from bringup.launch.processes import Child
 from bringup.launch.supervisor import Supervisor
 from fdi_node import FaultDetector, FdiDesign
 from gimc_controller_node import Compensator, CompensatorDesign
+from tests.design_files import design_parameters
 
 pytestmark = pytest.mark.ros
 
@@ -118,7 +119,9 @@ def test_own_filter_gives_the_residuals(
     """Also: a managed node that the user has started takes part, and is left as it was found."""
     design, run_it = commands("own_filter.py")
     shell(design)
+    file = design_parameters("compensator", folder)["design_file"]
     managed = "python -m gimc_controller_node.compensator_node --ros-args -r __ns:=/ac -p autostart:=false"
+    managed += f" -p design_file:={file}"
     with by_hand(managed, folder, environment) as node:
         further = ("--set", "faults.0.size_rpm=150", "--set", "faults.1.onset_s=20", "--without", "compensator")
         shell(run_it, *SHORT, *further)

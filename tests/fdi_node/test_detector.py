@@ -103,7 +103,7 @@ def test_a_sensor_that_is_not_used_has_no_innovation_and_a_detector_can_join_wit
     two = replace(whole, a=0.5 * np.eye(2), b=np.eye(2, 6), c=c, h_d=np.eye(2, 3))
     subject = FaultDetector(two)
     measured = np.array([3.0, -2.0, 9.0])
-    subject.join(measured, 0.0, np.array([1.0, 2.0]))
+    subject.warm_restart(measured, 0.0, np.array([1.0, 2.0]))
     seen = subject.observe(0.0, measured, 0.0)
     np.testing.assert_allclose(seen.innovation, 0.0, atol=1e-12)
 

@@ -16,7 +16,7 @@ from fdi_node import FaultDetector
 def test_a_detector_that_joins_begins_without_an_innovation(sensors: int) -> None:
     fdi = design("med", 0.1, sensors=sensors)
     subject, off = FaultDetector(fdi), np.array([2e3, 1.0, 0.5])
-    subject.join(fdi.output_rest + off, fdi.input_rest[2], 1.01 * fdi.input_rest[:2])
+    subject.warm_restart(fdi.output_rest + off, fdi.input_rest[2], 1.01 * fdi.input_rest[:2])
     found = subject.observe(0.0, fdi.output_rest + off, fdi.input_rest[2])
     assert np.all(np.abs(found.innovation) < 1e-6 * off)
 

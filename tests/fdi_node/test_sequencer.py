@@ -5,7 +5,7 @@ import itertools
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fdi_node.sequencer import Turns
+from fdi_node.sequencer import Sequencer
 
 
 class Log:
@@ -13,7 +13,7 @@ class Log:
 
     def __init__(self) -> None:
         self.calls: list[tuple[str, float]] = []
-        self.turns = Turns(self.observe, self.close)
+        self.turns = Sequencer(self.observe, self.close)
 
     def observe(self, time_ns: int, *_: float) -> None:
         self.calls.append(("observe", time_ns))

@@ -170,7 +170,7 @@ def test_one_that_takes_its_place_goes_on_where_it_was() -> None:
         for f_e in size * random.standard_normal((50, 3)) * [1.0, 3e-4, 3e-4]:
             one.step(f_e, None)
     assert one.does == OUTSIDE
-    other.remember(json.loads(json.dumps(one.memory())))
+    other.restore(json.loads(json.dumps(one.state())))
     for f_e in 1e2 * random.standard_normal((400, 3)) * [1.0, 3e-4, 3e-4]:
         assert one.step(f_e, None) == pytest.approx(other.step(f_e, None), abs=0.0)
     assert one.does == other.does

@@ -13,7 +13,7 @@ from ac_common.topics import FAULTS
 from ac_design import design_compensator, design_controller
 from ac_design import design_fdi as design
 from fdi_node import FaultDetector
-from gimc_controller_node import Compensator, Controller
+from gimc_controller_node import Compensator, limited_k0
 from gimc_controller_node.fallback import GIMC, K0_ALONE, SAFE, FallbackController
 
 T = 0.1
@@ -26,7 +26,7 @@ def k0():
 
 
 def test_without_q_k0_is_alone_within_one_tick_and_q_fades(k0):
-    with_q, alone = FallbackController(Controller(k0)), Controller(k0)
+    with_q, alone = FallbackController(limited_k0(k0)), limited_k0(k0)
     for _ in range(20):
         with_q.step(REST, REST, np.array([3.0, 0.01]))
         alone.step(REST, REST, np.zeros(2))
@@ -42,7 +42,7 @@ def test_without_q_k0_is_alone_within_one_tick_and_q_fades(k0):
 
 happenings = st.lists(
     st.one_of(
-        st.just(("blind",)),
+        st.just(("missed",)),
         st.tuples(st.just("step"), st.floats(-3e4, 3e4), st.floats(-15, 15), st.booleans()),
     ),
     min_size=1,
@@ -53,11 +53,11 @@ happenings = st.lists(
 @settings(max_examples=50)
 @given(happenings)
 def test_every_tick_has_a_finite_command_within_limits(k0, ticks):
-    controller = FallbackController(Controller(k0))
+    controller = FallbackController(limited_k0(k0))
     for kind, *values in ticks:
         last = controller._command
-        if kind == "blind":
-            command = controller.blind()
+        if kind == "missed":
+            command = controller.on_missed_inputs()
             assert controller.mode == SAFE
             assert np.all(np.abs(command - last) <= np.array(SAFE_RATE) * T + 1e-12)
         else:
@@ -69,11 +69,11 @@ def test_every_tick_has_a_finite_command_within_limits(k0, ticks):
 
 
 def test_safe_command_is_left_without_a_jump(k0):
-    controller = FallbackController(Controller(k0))
+    controller = FallbackController(limited_k0(k0))
     for _ in range(100):
         controller.step(REST, REST + np.array([500.0, 0.5]), np.zeros(2))
     for _ in range(20):
-        last = controller.blind()
+        last = controller.on_missed_inputs()
     again = controller.step(REST, REST + np.array([500.0, 0.5]), np.zeros(2))
     np.testing.assert_allclose(again, last, atol=1e-9)
 
@@ -115,17 +115,17 @@ def test_detector_with_the_memory_of_another_goes_on_bit_for_bit():
     for k in range(300):
         observed(one, k, faulty=k > 100)
     other = FaultDetector(fdi)
-    other.remember(json.loads(json.dumps(one.memory())))
+    other.restore(json.loads(json.dumps(one.state())))
     for k in range(300, 320):
         first, second = observed(one, k, True)[0], observed(other, k, True)[0]
         np.testing.assert_array_equal(first.innovation, second.innovation)
         np.testing.assert_array_equal(first.residual, second.residual)
         assert (first.isolated, first.onset_s) == (second.isolated, second.onset_s)
-    with pytest.raises(ValueError, match="not the memory"):
-        other.remember({"_in": [1.0]})
-    whole = one.memory()
+    with pytest.raises(ValueError, match="not the state"):
+        other.restore({"_in": [1.0]})
+    whole = one.state()
     with pytest.raises(ValueError, match=r"\(1,\) instead of"):
-        other.remember({**whole, "_in": [1.0]})
+        other.restore({**whole, "_in": [1.0]})
     first, second = observed(one, 320, True)[0], observed(other, 320, True)[0]
     np.testing.assert_array_equal(first.innovation, second.innovation)  # a memory that was refused has changed nothing
 
@@ -139,7 +139,7 @@ def test_detector_that_missed_two_seconds_is_nearly_where_it_would_be():
     for k in range(200, 220):
         found, _, command = observed(whole, k, False)
     found, measured, _ = observed(whole, 220, False)
-    gap.catch_up(measured, fdi.input_rest[2], command, 20)
+    gap.warm_restart(measured, fdi.input_rest[2], command, 20)
     late = gap.observe(220 * T, measured, fdi.input_rest[2])
     assert np.all(np.abs(late.residual - found.residual) < 0.2 * fdi.thresholds)
 
@@ -148,7 +148,7 @@ def test_detector_that_knows_nothing_takes_no_transient_for_a_fault():
     fdi = design("med", T)
     detector = FaultDetector(fdi)
     rest = fdi.output_rest + np.array([5e3, -2.5, 0.3])  # somewhere else in its range
-    detector.join(rest, fdi.input_rest[2], fdi.input_rest[:2])
+    detector.warm_restart(rest, fdi.input_rest[2], fdi.input_rest[:2])
     np.testing.assert_allclose(detector.observe(0.0, rest, fdi.input_rest[2]).innovation, 0.0, atol=1e-6)
 
 
@@ -157,12 +157,12 @@ def test_compensator_with_the_memory_of_another_goes_on_bit_for_bit():
     one, other = Compensator(q), Compensator(q)
     for k in range(100):
         one.step(np.array([500.0 * math.sin(0.1 * k), 0.1, 0.0]), FAULTS[0] if k > 50 else None)
-    other.remember(json.loads(json.dumps(one.memory())))
+    other.restore(json.loads(json.dumps(one.state())))
     for k in range(100, 120):
         innovation = np.array([500.0 * math.sin(0.1 * k), 0.1, 0.0])
         np.testing.assert_array_equal(one.step(innovation, FAULTS[0]), other.step(innovation, FAULTS[0]))
-    with pytest.raises(ValueError, match="not the memory"):
-        other.remember({})
+    with pytest.raises(ValueError, match="not the state"):
+        other.restore({})
 
 
 def test_a_detector_that_joins_takes_the_state_that_its_inputs_make_most_likely():

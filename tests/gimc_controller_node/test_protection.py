@@ -15,7 +15,7 @@ from ac_experiments.scenario import built_in_scenarios, check, load
 from ac_experiments.scenario_schema import Scenario
 from ac_experiments.simulate import simulate
 from bringup.launch.launch import run_graph
-from gimc_controller_node import Controller
+from gimc_controller_node import limited_k0
 from gimc_controller_node.fallback import FallbackController
 from gimc_controller_node.protection import COLD, DRY, IDLE, UP, ProtectionLimits, protect
 
@@ -103,7 +103,7 @@ def test_limits_that_make_no_sense_are_refused(change):
 
 def test_controller_keeps_below_the_caps_and_goes_on_from_there_without_a_jump():
     design = design_controller("med", T)
-    controller = FallbackController(Controller(design))
+    controller = FallbackController(limited_k0(design))
     reference = np.array([251.2e3, 20.0])
     dry = np.array([251.2e3, 1.0])
     for _ in range(300):  # a q that would open the valve wide
@@ -118,7 +118,7 @@ def test_controller_keeps_below_the_caps_and_goes_on_from_there_without_a_jump()
 
 def test_reference_that_the_plant_must_not_be_asked_for_is_raised_and_announced():
     design = design_controller("med", T)
-    controllers = [FallbackController(Controller(design)) for _ in range(2)]
+    controllers = [FallbackController(limited_k0(design)) for _ in range(2)]
     for change in ((-1e3, -1.0), (1e3, -1.0), (-1e3, 1.0)):
         reference = np.add(LOWEST, change)
         raised = [

@@ -104,6 +104,6 @@ def test_one_that_takes_its_place_goes_on_with_the_gain() -> None:
     one.step(f_e, None, reference=(away[0], away[1] - 5.0))
     for _ in range(20):
         one.step(f_e, None, reference=away)
-    other.remember(json.loads(json.dumps(one.memory())))
+    other.restore(json.loads(json.dumps(one.state())))
     for _ in range(50):
         np.testing.assert_array_equal(one.step(f_e, None, reference=away), other.step(f_e, None, reference=away))

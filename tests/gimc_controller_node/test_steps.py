@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from gimc_controller_node.compensator import Compensator, CompensatorDesign
-from gimc_controller_node.controller import Q_FADE_S, Controller, ControllerDesign
+from gimc_controller_node.controller import ControllerDesign
+from gimc_controller_node.limited_controller import Q_FADE_S, limited_k0
 
 NO_Q = np.zeros(2)
 
@@ -25,20 +26,20 @@ def integrators(rate: float = 0.1, read_back: float = 0.5, rate_limit: float = 1
 
 
 def test_at_rest_the_command_is_the_operating_point_s() -> None:
-    controller = Controller(integrators())
+    controller = limited_k0(integrators())
     for _ in range(10):
         command = controller.step(np.array([2e5, 20.0]), np.array([2e5, 20.0, 25.0]), np.zeros(2))
         assert command == pytest.approx([100.0, 0.4], abs=1e-12)
 
 
 def test_the_factored_form_integrates() -> None:
-    controller = Controller(integrators(rate=0.1))
+    controller = limited_k0(integrators(rate=0.1))
     commands = [controller.step(np.array([1.0, 0.0]), np.zeros(3), np.zeros(2)) for _ in range(50)]
     assert np.diff([u[0] for u in commands]) == pytest.approx(0.1, abs=1e-12)
 
 
 def test_the_command_keeps_its_limits_and_does_not_wind_up() -> None:
-    controller = Controller(integrators(rate=10.0))
+    controller = limited_k0(integrators(rate=10.0))
     pushed = [controller.step(np.array([10.0, 0.0]), np.zeros(3), np.zeros(2)) for _ in range(500)]
     assert pushed[-1][0] == 628.0
     back = [controller.step(np.array([-10.0, 0.0]), np.zeros(3), np.zeros(2)) for _ in range(5)]
@@ -46,7 +47,7 @@ def test_the_command_keeps_its_limits_and_does_not_wind_up() -> None:
 
 
 def test_q_enters_before_the_inverse_of_v() -> None:
-    controller = Controller(integrators(read_back=0.5))
+    controller = limited_k0(integrators(read_back=0.5))
     first = controller.step(np.zeros(2), np.zeros(3), np.array([1.0, 0.0]))
     second = controller.step(np.zeros(2), np.zeros(3), np.zeros(2))
     assert first[0] - 100.0 == pytest.approx(1.0)  # V~^-1 = (z - 0.5) / (z - 1): one, then a half for ever
@@ -54,7 +55,7 @@ def test_q_enters_before_the_inverse_of_v() -> None:
 
 
 def test_the_command_keeps_its_rate_and_the_state_knows() -> None:
-    controller = Controller(integrators(rate=50.0, rate_limit=100.0))
+    controller = limited_k0(integrators(rate=50.0, rate_limit=100.0))
     pushed = [controller.step(np.array([1.0, 0.0]), np.zeros(3), NO_Q)[0] for _ in range(20)]
     assert np.diff(pushed) == pytest.approx([10.0] * 19)
     assert controller.at_limit == (True, False)
@@ -64,7 +65,7 @@ def test_the_command_keeps_its_rate_and_the_state_knows() -> None:
 
 def test_what_was_missing_of_q_fades_out_and_in() -> None:
     """A silent compensator leaves K0 by and by, one that is back is met by and by; no jump beyond a fade's part."""
-    controller = Controller(integrators(rate=0.0, read_back=0.0))
+    controller = limited_k0(integrators(rate=0.0, read_back=0.0))
     q, part = np.array([5.0, 0.2]), 1.0 - np.exp(-0.1 / Q_FADE_S)
     commands = [controller.step(NO_Q, NO_Q, q) for _ in range(5)]
     commands += [controller.step(NO_Q, NO_Q, None) for _ in range(100)]
@@ -76,14 +77,14 @@ def test_what_was_missing_of_q_fades_out_and_in() -> None:
 
 
 def test_a_controller_that_resumes_begins_with_the_actuators_command() -> None:
-    controller = Controller(integrators())
+    controller = limited_k0(integrators())
     measured, reference = np.array([2.0, 1.0, 0.0]), np.array([3.0, -1.0])
-    controller.resume(np.array([120.0, 0.3]), measured, reference)
+    controller.warm_restart(np.array([120.0, 0.3]), measured, reference)
     assert controller.step(reference, measured, None) == pytest.approx([120.0, 0.3], abs=1e-9)
-    controller.resume(np.array([700.0, 0.3]), measured, reference)  # a fault took the actuator beyond the limit
+    controller.warm_restart(np.array([700.0, 0.3]), measured, reference)  # a fault took the actuator beyond the limit
     assert controller.step(reference, measured, NO_Q) == pytest.approx([628.0, 0.3], abs=1e-9)
-    with pytest.raises(ValueError, match="cannot resume"):
-        controller.resume(np.array([np.nan, 0.3]), measured, reference)
+    with pytest.raises(ValueError, match="cannot go on"):
+        controller.warm_restart(np.array([np.nan, 0.3]), measured, reference)
 
 
 TICK = np.ones(3)

@@ -21,7 +21,7 @@ from ac_experiments.bags.reader import health_reports, read_raw
 from ac_experiments.bags.recorder import BagWriter, RecordedTopic
 from ac_ros_common import realtime
 from ac_ros_common.health_publisher import AGAIN_S, MOST_AGAIN, Health
-from ac_ros_common.realtime import Care, Latencies
+from ac_ros_common.realtime import Latencies, RealtimeSettings
 from bringup.benchmarks.endurance import COLUMNS, growth_mb, lost_messages, main, missing_messages, sustained_mb
 from bringup.benchmarks.host_noise import lost_s, missed_by_us
 from bringup.launch import keep_cpus_awake
@@ -33,12 +33,12 @@ def test_care_says_what_the_system_has_permitted_and_gives_it_back() -> None:
     probe = """
 import json, os
 from pathlib import Path
-from ac_ros_common.realtime import Care
+from ac_ros_common.realtime import RealtimeSettings
 status = lambda: Path("/proc/self/status").read_text().splitlines()
 locked = lambda: int(next(line for line in status() if line.startswith("VmLck")).split()[1])
 opened = lambda: [os.path.realpath(f"/proc/self/fd/{n}") for n in os.listdir("/proc/self/fd")]
 awake = lambda: opened().count("/dev/cpu_dma_latency")
-care = Care()
+care = RealtimeSettings()
 said = care.begin()
 during = (locked(), awake())
 care.end()
@@ -59,7 +59,7 @@ def test_latency_of_the_processors_is_held_at_zero(tmp_path: Path, monkeypatch: 
     driver.write_text("acpi_idle\n")
     monkeypatch.setattr(realtime, "IDLE_DRIVER", driver)
     monkeypatch.setattr(realtime, "CPU_DMA_LATENCY", device)
-    care = Care()
+    care = RealtimeSettings()
     assert care._keep_awake() == "processors kept awake"
     assert device.read_bytes() == struct.pack("<i", 0)
     care.end()
@@ -124,7 +124,7 @@ def test_processors_that_the_kernel_would_halt_have_something_to_do(
         stop(children)
     assert {child.end for child in children} == {"SIGTERM"}
     monkeypatch.setenv(realtime.AWAKE_VARIABLE, "1")
-    assert Care()._keep_awake() == "processors kept awake by idle processes"
+    assert RealtimeSettings()._keep_awake() == "processors kept awake by idle processes"
 
 
 @pytest.mark.ros
@@ -132,9 +132,9 @@ def test_what_is_not_the_loops_is_done_a_step_behind_it() -> None:
     probe = """
 import json, os, rclpy
 from rclpy.executors import SingleThreadedExecutor
-from ac_ros_common.loop_node import NodeShell
+from ac_ros_common.loop_node import LoopNode
 rclpy.init(args=["--ros-args", "-p", "priority:=20"])
-node, executor, seen = NodeShell("shell", ()), SingleThreadedExecutor(), []
+node, executor, seen = LoopNode("shell", ()), SingleThreadedExecutor(), []
 see = lambda: seen.append(os.sched_getparam(0).sched_priority)
 def others():
     for _ in range(20):
@@ -143,7 +143,7 @@ executor.add_node(node)
 node.trigger_configure(), node.trigger_activate()
 see(), node.soon(see), others(), see()
 node.soon(node.trigger_deactivate), others(), see()
-print(json.dumps([node._scheduled, seen, node.state]))
+print(json.dumps([node.realtime.scheduling, seen, node.state]))
 node.destroy_node()
 rclpy.shutdown()
 """
@@ -166,15 +166,15 @@ def test_quantiles_are_those_of_the_durations_to_a_bin(durations: list[float], s
 
 def test_watchdog_counts_ticks_that_took_longer_than_they_may(monkeypatch: pytest.MonkeyPatch) -> None:
     now_s = [100.0]
-    monkeypatch.setattr("ac_ros_common.loop_node.time.monotonic", lambda: now_s[0])
+    monkeypatch.setattr("ac_ros_common.health_publisher.time.monotonic", lambda: now_s[0])
     health = Health()
     for took_s in (0.001, 0.030, 0.002, 0.015):
         started_s = now_s[0]
         now_s[0] += took_s
         health.worked(started_s, 0.02)
     said = health.report()
-    assert (said["overruns"], said["ticks"]) == ("1", "4")
-    assert float(said["longest_tick_ms"]) == pytest.approx(30.0)
+    assert (said.overruns, said.ticks) == (1, 4)
+    assert said.longest_tick_ms == pytest.approx(30.0)
 
 
 def test_what_was_announced_is_told_again_for_a_while_and_not_in_the_next_run(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -183,7 +183,7 @@ def test_what_was_announced_is_told_again_for_a_while_and_not_in_the_next_run(mo
     health = Health()
 
     def told() -> list[list[object]]:
-        return json.loads(health.report()["announced"])
+        return json.loads(health.report().values()["announced"])
 
     health.announce(1.0, "no q")
     assert told() == [[1.0, "no q"]]

@@ -16,8 +16,8 @@ from rosbags.highlevel import AnyReader
 from ac_common.topics import BY_NAME, NAMESPACE, TOPICS
 from ac_common.yaml_file import parsed
 from ac_experiments.bags.reader import read_bag, read_raw
-from ac_ros_common.loop_node import LOOP_QOS
 from ac_ros_common.messages import message_class
+from ac_ros_common.qos import LOOP_QOS
 from bringup.launch.launch import GraphRun
 
 pytestmark = pytest.mark.ros

@@ -1,13 +1,17 @@
 """Each node is startable on its own, says what is wrong with its parameters, and ends cleanly."""
 
+import shlex
 import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
+from ac_common.design_file import DESIGNED
 from ac_common.topics import FDI, RECORDER
+from bringup.cli import cli
 from bringup.launch.process_table import PROCESSES
 from bringup.launch.processes import ros_environment, start, stop
 from bringup.launch.supervisor import Supervisor
@@ -35,6 +39,20 @@ def test_starts_by_itself_and_ends_with_code_0(name: str, number: signal.Signals
         assert child.process.wait(10) == 0, child.log.read_text()
     finally:
         stop([child])
+
+
+@pytest.mark.parametrize("name", DESIGNED)
+def test_without_its_design_a_node_says_in_one_line_which_command_makes_it(name: str, tmp_path: Path) -> None:
+    result = subprocess.run(
+        [sys.executable, "-m", PROCESSES[name].module], capture_output=True, text=True, timeout=60, cwd=tmp_path
+    )
+    assert result.returncode == 2
+    said = f"{name}: no design_file given; `acftc design --out designs` makes one: designs/{name}-med.npz"
+    assert result.stderr.strip() == said
+    command = shlex.split(said.split("`")[1])
+    made = CliRunner().invoke(cli, [*command[1:-1], str(tmp_path / "designs")])
+    assert made.exit_code == 0, made.output
+    assert (tmp_path / "designs" / f"{name}-med.npz").exists()
 
 
 def test_health_does_not_wait_by_the_wall_clock() -> None:

@@ -14,9 +14,9 @@ from rclpy.node import Publisher
 from ac_common.topics import BY_NAME, CONTROLLER, NAMESPACE
 from ac_common.wire import packer, stamp_ns
 from ac_experiments.bags.reader import decode
-from ac_ros_common.loop_node import LOOP_QOS
 from ac_ros_common.messages import message_class
-from ac_ros_common.stuck_sensor import FROZEN_S, Frozen
+from ac_ros_common.qos import LOOP_QOS
+from ac_ros_common.stuck_sensor import STUCK_S, StuckSensor
 from bringup.launch.node_parameters import node_arguments
 from bringup.launch.processes import ros_environment, start, stop
 from bringup.launch.supervisor import Supervisor
@@ -213,7 +213,7 @@ def test_frozen_measurement_counts_as_missing(loop: Surroundings) -> None:
         moving = [20.0 + 0.1 * (loop._tick % 10)]
         return [loop.packed(topic, moving if topic == SUPERHEAT else None)]
 
-    loop.tick(sticking, n=round(FROZEN_S / PERIOD_S) + 8)
+    loop.tick(sticking, n=round(STUCK_S / PERIOD_S) + 8)
     assert int(loop.health()["rejected/frozen"]) > 0
     assert f"{P_E}: has stood still" in loop.health()["last_rejected"]
 
@@ -223,17 +223,17 @@ def _announced(loop: Surroundings) -> str:
 
 
 def test_at_rest_nothing_is_frozen_and_while_all_moves_neither():
-    watch = Frozen((P_E, SUPERHEAT))
+    watch = StuckSensor((P_E, SUPERHEAT))
     assert not any(watch.which(0.1 * k, [251.2e3, 20.0]) for k in range(100))
-    watch = Frozen((P_E, SUPERHEAT))
+    watch = StuckSensor((P_E, SUPERHEAT))
     assert not any(watch.which(0.1 * k, [251.2e3 + k, 20.0 + 0.01 * k]) for k in range(100))
 
 
 @given(st.lists(st.floats(-100.0, 100.0), min_size=30, max_size=60), st.integers(0, 5))
 def test_frozen_is_told_only_after_its_time_and_only_while_others_moved(walk, frozen_from):
-    watch = Frozen((P_E, SUPERHEAT))
+    watch = StuckSensor((P_E, SUPERHEAT))
     for k, step in enumerate(np.cumsum(walk)):
         pressure = 251.2e3 if k >= frozen_from else 251.2e3 + 1.0 + k
         told = watch.which(0.1 * k, [pressure, 20.0 + step])
         if told == P_E:
-            assert 0.1 * (k - frozen_from) >= FROZEN_S - 1e-9
+            assert 0.1 * (k - frozen_from) >= STUCK_S - 1e-9

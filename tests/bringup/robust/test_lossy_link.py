@@ -27,10 +27,10 @@ SCENARIO = {
 LOSSY = """
 import heapq, random, sys, time
 from importlib import import_module
-from ac_ros_common.loop_node import NodeShell, run_node
+from ac_ros_common.loop_node import LoopNode, run_node
 from ac_common.topics import TOPICS, RECORDER
 module = import_module(sys.argv[1])
-(node,) = [k for k in vars(module).values() if isinstance(k, type) and issubclass(k, NodeShell) and k is not NodeShell]
+(node,) = [k for k in vars(module).values() if isinstance(k, type) and issubclass(k, LoopNode) and k is not LoopNode]
 LINKS = {topic.name for topic in TOPICS if set(topic.subscribers) - {RECORDER}}
 class Lossy(node):
     chance, waiting = random.Random(5), []

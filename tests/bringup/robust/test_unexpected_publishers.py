@@ -22,7 +22,7 @@ INTRUDER = """
 import ctypes, os, time
 import rclpy
 from ac_common.wire import packer, stamp_ns
-from ac_ros_common.loop_node import LOOP_QOS, PLAIN_QOS
+from ac_ros_common.qos import LOOP_QOS, PLAIN_QOS
 from ac_common.topics import BY_NAME
 from sensor_msgs.msg import FluidPressure, JointState, Temperature
 from std_msgs.msg import String

@@ -1,0 +1,27 @@
+"""QoS profiles of the graph, by name."""
+
+from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from ac_common.topics import OCCASIONAL, Topic
+
+#: How far behind a subscriber (the recorder above all) may fall before a message is lost, in ticks.
+DEPTH = 1000
+#: A loop topic that is silent for longer misses its deadline.
+DEADLINE_S = 1.0
+
+#: Of the loop's topics, which have a message in every tick.
+LOOP_QOS = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=DEPTH,
+    deadline=Duration(seconds=DEADLINE_S),
+)
+#: Of /clock, /diagnostics and what is not in every tick: reliable, without a deadline.
+PLAIN_QOS = QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=DEPTH)
+
+
+def qos_of(topic: Topic) -> QoSProfile:
+    """Return the QoS of a topic of the loop; one that is not in every tick has no deadline."""
+    return PLAIN_QOS if topic in OCCASIONAL else LOOP_QOS
