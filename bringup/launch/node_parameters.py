@@ -145,7 +145,10 @@ def _loop_parameters(scenario: Scenario, log: Path, mode: Mode, passive: bool) -
         },
         FDI: {**timing},
         COMPENSATOR: {**timing, "sensors": scenario.sensors, "accommodate": not passive},
-        CONTROLLER: {**timing},
+        CONTROLLER: {
+            **timing,
+            **({"controller_class": scenario.controller_class} if scenario.controller_class else {}),
+        },
         SCENARIO: {"scenario": json.dumps(scenario.model_dump(mode="json")), "mode": mode},
     }
     for name, given in parameters.items():
@@ -154,4 +157,5 @@ def _loop_parameters(scenario: Scenario, log: Path, mode: Mode, passive: bool) -
         if PROCESSES[name].has_design:
             given["design_file"] = str(log / design_name(name, point))
             given["design_copy"] = str(log / f"{name}.npz")
+            given["operating_point"] = point  # acftc's nodes have it from their design; a user's node may ask for it
     return parameters
