@@ -18,11 +18,11 @@ def plant() -> str:
 
 
 def same_plant(made_with: Mapping[str, str]) -> bool:
-    """Whether a recording made with `software()` was of the plant that is in use now; recordings of old did not say."""
+    """Whether a recording made with `versions()` was of the plant that is in use now; recordings of old did not say."""
     return made_with.get("plant", plant()).split()[-1] == plant().split()[-1]
 
 
-def software() -> dict[str, str]:
+def versions() -> dict[str, str]:
     """Versions of this program, of Python and of the packages under it, and the kind of machine."""
     found = {"python": platform.python_version()}
     for name in _PACKAGES:

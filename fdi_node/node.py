@@ -7,9 +7,8 @@ takes up its predecessor's memory.
 import math
 import sys
 
-import numpy as np
-
-from ac_common.fdi_status import StatusRow
+from ac_common.faults import ISOLABLE
+from ac_common.signals import Command, Innovation, Measurement, topics_of
 from ac_common.topics import FDI
 from ac_ros_common.loop_node import MEMORY_AGE_S, NodeShell, run_node
 from ac_ros_common.parameters import (
@@ -24,7 +23,9 @@ from ac_ros_common.stuck_sensor import FROZEN_S, Frozen
 from fdi_node.sequencer import Turns
 
 PARAMETERS = (SAMPLE_TIME, MODE, RUN_START, MEMORY_FILE, DESIGN_FILE, DESIGN_COPY)
-MEASURED = ("measured/evaporator_pressure", "measured/superheat", "measured/wall_temperature")
+MEASURED = topics_of("measured", Measurement)
+INNOVATIONS = topics_of("fdi/innovation", Innovation)
+RESIDUALS = tuple(fault.residual_topic for fault in ISOLABLE)
 #: How long the last measurement stands in for a missing one, s.
 HOLD_S = 0.3
 
@@ -44,7 +45,7 @@ class FdiNode(NodeShell):
         self._joins = self.run_start_ns >= 0
         self._start_ns = self.run_start_ns if self._joins else None
         self._frozen = Frozen(MEASURED)
-        self._last_command: np.ndarray | None = None
+        self._last_command: Command | None = None
         self._turns = Turns(self._observe, self._close)
         self.on_tick(
             (*MEASURED, "plant/air_inlet_temperature"),
@@ -67,19 +68,19 @@ class FdiNode(NodeShell):
 
     def _commanded(self, time_ns: int, compressor_speed: float, valve_opening: float) -> None:
         """Take the command of a tick."""
-        self._last_command = np.array([compressor_speed, valve_opening])
+        self._last_command = Command(compressor_speed, valve_opening)
         self._turns.commanded(time_ns, compressor_speed, valve_opening)
 
     def _close(self, compressor_speed: float, valve_opening: float) -> None:
         """Step the observer over the tick that was observed last."""
-        self._detector.commanded(np.array([compressor_speed, valve_opening]))
+        self._detector.commanded(Command(compressor_speed, valve_opening))
         self.keep(self._turns.observed_ns, self._detector.memory)
 
     def _join(self, time_ns: int, *values: float) -> bool:
         """Begin in the middle of a run; False while there is no command yet."""
         if self._last_command is None:
             return False
-        now = (np.array(values[:3]), values[3], self._last_command)
+        now = (Measurement(*values[:3]), values[3], self._last_command)
         memory = self.recollect(time_ns, self._detector.remember)
         if memory is None:
             self._detector.join(*now)
@@ -93,7 +94,7 @@ class FdiNode(NodeShell):
         missed = self.missed_ticks(self._turns.observed_ns, time_ns)
         if missed <= 0 or self._last_command is None:
             return
-        now = (np.array(values[:3]), values[3], self._last_command)
+        now = (Measurement(*values[:3]), values[3], self._last_command)
         if missed * self.sample_time_s < MEMORY_AGE_S:
             self._detector.catch_up(*now, missed)
         else:
@@ -107,26 +108,12 @@ class FdiNode(NodeShell):
                 self._detector.commanded(self._last_command)
             self._catch_up(time_ns, *values)
         time_s = (time_ns - self._start_ns) / 1e9
-        found = self._detector.observe(time_s, np.array(values[:3]), values[3])
-        p_e, superheat, wall = found.innovation.tolist()
-        speed, pressure = found.residual.tolist()
-        first, second = found.thresholds.tolist()
-        status = StatusRow(
-            time_s,
-            bool(found.detected),
-            found.isolated,
-            float(found.size),
-            float(found.onset_s),
-            float(found.isolated_s),
-            (first, second),
-            found.also_isolated,
-        )
-        self.send(time_ns, "fdi/innovation/evaporator_pressure", p_e)
-        self.send(time_ns, "fdi/innovation/superheat", superheat)
-        self.send(time_ns, "fdi/innovation/wall_temperature", wall)
-        self.send(time_ns, "fdi/status", status)
-        self.send(time_ns, "fdi/residual/compressor_speed", speed)
-        self.send(time_ns, "fdi/residual/evaporator_pressure", pressure)
+        found = self._detector.observe(time_s, Measurement(*values[:3]), values[3])
+        for topic, value in zip(INNOVATIONS, found.innovation, strict=True):
+            self.send(time_ns, topic, value)
+        self.send(time_ns, "fdi/status", found.status(time_s))
+        for topic, value in zip(RESIDUALS, found.residual, strict=True):
+            self.send(time_ns, topic, value)
 
     def health_values(self) -> dict[str, str]:
         """How often a measurement had to go ahead without the command of the tick before."""

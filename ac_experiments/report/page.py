@@ -12,16 +12,17 @@ from typing import Any
 
 import yaml
 
+from ac_common.faults import BY_KIND, UNKNOWN
 from ac_common.files import write_whole
 from ac_common.health import health_of
 from ac_common.topics import BRINGUP
 from ac_experiments.metrics import SETTLED_DEVIATIONS, SETTLED_KPA, WINDOW_S, summarise
 from ac_experiments.recording import Recording
-from ac_experiments.report import matplotlib_charts as stills
+from ac_experiments.report import matplotlib_charts
 from ac_experiments.report.charts import Chart
-from ac_experiments.report.narrative import as_html, story
+from ac_experiments.report.narrative import as_html, narrative
 from ac_experiments.report.nodes import MOST_EVENTS, Event, Report, events_of, health_charts
-from ac_experiments.report.panels import STORY, around, charts_of, cut
+from ac_experiments.report.panels import around, charts_of, cut, story_of, subscripted
 from ac_experiments.report.paper_figures import figures_for
 
 _METRICS = (
@@ -32,14 +33,10 @@ _METRICS = (
     ("steady_superheat_error_k", "Actual superheat minus reference at rest", "K", "+.3f"),
 )
 
-_FAULT_NAMES = {
-    "compressor_speed": "f<sub>N</sub> compressor speed",
-    "evaporator_pressure": "f<sub>p</sub> pressure sensor",
-}
 #: Faults that get plots of their own; the plots of the whole run show all.
 MOST_DETAILS = 6
 
-_WIDE_IN = (2 * stills.SIZE_IN[0], stills.SIZE_IN[1])
+_WIDE_IN = (2 * matplotlib_charts.SIZE_IN[0], matplotlib_charts.SIZE_IN[1])
 _PAGE = Path(__file__).with_name("page.html")
 
 
@@ -102,7 +99,7 @@ def render(
     return Template(_PAGE.read_text(encoding="utf-8")).substitute(
         title=html.escape(f"{summary['scenario']} ({'passive' if summary['passive'] else 'active'})"),
         description=html.escape(scenario.get("description", "")),
-        story=as_html(story(summary, other, events or ())),
+        story=as_html(narrative(summary, other, events or ())),
         contents="".join(f"<a href=#{name}>{heading}</a>" for name, heading, _ in sections),
         facts=_facts(summary, scenario, recording.metadata),
         body="\n".join(f"<h2 id={name}>{heading}</h2>\n{text}" for name, heading, text in sections),
@@ -121,13 +118,15 @@ class _Plots:
         """HTML of `charts`, two beside each other, or one if `wide`; `name` is added to the picture's file name."""
         from ac_experiments.report.plotly_charts import figure  # takes half a second to import
 
-        columns, size_in = (1, _WIDE_IN) if wide else (2, stills.SIZE_IN)
+        columns, size_in = (1, _WIDE_IN) if wide else (2, matplotlib_charts.SIZE_IN)
         moving = figure(charts, columns)
         self._figures[f"plots{name}"] = moving
         if self._pictures is None:
-            still = stills.draw(charts, columns, title, size_in)
+            still = matplotlib_charts.draw(charts, columns, title, size_in)
         else:
-            still = stills.save(charts, self._pictures.with_name(self._pictures.name + name), columns, title, size_in)
+            still = matplotlib_charts.save(
+                charts, self._pictures.with_name(self._pictures.name + name), columns, title, size_in
+            )
         data = base64.b64encode(still.encode()).decode()
         picture = f'<img alt="{html.escape(title)}" src="data:image/svg+xml;base64,{data}">'
         place = f'<div id=plots{name} style="height:{moving.layout.height}px"></div>'
@@ -174,13 +173,13 @@ def _faults_table(summary: Mapping[str, Any]) -> str:
         isolated = fault["isolated_as"]
         rows.append(
             [
-                _FAULT_NAMES[fault["kind"]],
+                _name(fault["kind"]),
                 f"{_cell(fault['size'], 'g')} {fault['unit']}",
                 _span(fault),
                 _cell(fault["detected_s"], ".1f"),
                 _cell(fault["isolated_s"], ".1f"),
-                "–" if isolated is None else _FAULT_NAMES[isolated],
-                "–" if isolated is None else f"{_cell(fault['estimate'], '.2f')} {_unit(isolated)}",
+                "–" if isolated is None else _name(isolated),
+                "–" if isolated is None else f"{_cell(fault['estimate'], '.2f')} {_unit(isolated)}".rstrip(),
                 _cell(fault["peak_pressure_error_kpa"], ".2f"),
                 "stayed" if fault["settled_s"] == fault["onset_s"] else _cell(fault["settled_s"], ".1f"),
             ]
@@ -200,7 +199,12 @@ def _span(fault: Mapping[str, Any]) -> str:
 
 
 def _unit(kind: str) -> str:
-    return "rpm" if kind == "compressor_speed" else "kPa"
+    return "" if kind == UNKNOWN else BY_KIND[kind].unit
+
+
+def _name(kind: str) -> str:
+    """Return symbol and name of a fault, as a table shows them."""
+    return UNKNOWN if kind == UNKNOWN else f"{subscripted(BY_KIND[kind].symbol)} {BY_KIND[kind].name}"
 
 
 def _metrics_table(summary: Mapping[str, Any], other: Mapping[str, Any] | None, scenario: Mapping[str, Any]) -> str:
@@ -235,8 +239,8 @@ def _details(
     """Plots of the time around each fault, where the transients can be seen."""
     sections = []
     for number, fault in enumerate(summary["faults"][:MOST_DETAILS], start=1):
-        charts = charts_of(recording, beside, STORY, around(fault["onset_s"]))
-        title = f"Around the fault {_FAULT_NAMES[fault['kind']]}, {fault['onset_s']:g} s"
+        charts = charts_of(recording, beside, story_of(recording), around(fault["onset_s"]))
+        title = f"Around the fault {_name(fault['kind'])}, {fault['onset_s']:g} s"
         picture = plots.put(charts, f"_fault_{number}", f"{summary['scenario']}: around {fault['onset_s']:g} s")
         sections.append((f"fault-{number}", title, _note(note) + picture))
     return sections
@@ -313,7 +317,7 @@ def _events_table(events: Sequence[Event] | None) -> str:
 
 def _parameters(recording: Recording) -> str:
     """With what the run was made: versions, and the parameters that each node was given."""
-    software: Mapping[str, Any] = recording.metadata.get("software", {})
+    versions: Mapping[str, Any] = recording.metadata.get("software", {})
     nodes: Mapping[str, Any] = recording.metadata.get("parameters", {})
     scenario: Mapping[str, Any] = recording.metadata["scenario"]
     given = {
@@ -323,7 +327,7 @@ def _parameters(recording: Recording) -> str:
         "controller": f"K0 {scenario.get('controller', 'tracking')}",
         "noise (standard deviation)": _noise(scenario.get("noise", {})),
     }
-    rows = [[html.escape(key), html.escape(str(value))] for key, value in {**given, **software}.items()]
+    rows = [[html.escape(key), html.escape(str(value))] for key, value in {**given, **versions}.items()]
     text = _table(["", ""], rows)
     if nodes:
         rows = [

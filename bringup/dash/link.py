@@ -25,6 +25,7 @@ from rclpy.task import Future
 from std_srvs.srv import SetBool
 
 from ac_common.errors import BringupError, one_line
+from ac_common.faults import kinds_in
 from ac_common.fdi_status import StatusRow, status_row
 from ac_common.health import read_restarts
 from ac_common.topics import (
@@ -32,7 +33,6 @@ from ac_common.topics import (
     BY_NAME,
     COMPENSATOR,
     DIAGNOSTICS,
-    FAULTS,
     INJECTOR,
     NAMESPACE,
     PAGE,
@@ -402,8 +402,7 @@ class Link:
             if name == BRINGUP:
                 self._hear_of_restarts(self._heard.health[name].get("restarts", "[]"))
             if name == INJECTOR:
-                said = self._heard.health[name].get("live_faults", "")
-                self._heard.live_faults = frozenset(fault for fault in FAULTS if fault in said)
+                self._heard.live_faults = kinds_in(self._heard.health[name].get("live_faults", ""))
             if name in WATCHED and name not in self._heard.asked:
                 self._heard.asked.add(name)
                 self._jobs.put(self._get(name))

@@ -30,7 +30,7 @@ from ac_common.topics import (
 from ac_experiments.bags.recorder import mend
 from ac_experiments.designs import write_designs_of
 from ac_experiments.scenario_schema import Scenario
-from ac_experiments.versions import software
+from ac_experiments.versions import versions
 from ac_plant_node.rest import prepare
 from ac_ros_common.realtime import AWAKE_VARIABLE
 from bringup.launch.keep_cpus_awake import keep_awake
@@ -201,7 +201,7 @@ def node_parameters(
         "operating_point": scenario.operating_point,
         "ticks": scenario.ticks,
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
-        "software": software(),
+        "software": versions(),
     }
     log = (out_dir / "log").resolve()
     designs = {

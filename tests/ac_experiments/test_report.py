@@ -15,12 +15,12 @@ import pytest
 
 from ac_experiments.metrics import summarise
 from ac_experiments.recording import Recording
-from ac_experiments.report.narrative import BAD, GOOD, story
+from ac_experiments.report.narrative import BAD, GOOD, narrative
 from ac_experiments.report.nodes import Report, events_of, health_charts
 from ac_experiments.report.page import render, write_report
 from ac_experiments.scenario import load
 from ac_experiments.simulate import simulate
-from ac_experiments.versions import software
+from ac_experiments.versions import versions
 from ac_plant_node.parameters.file import PLANT_VARIABLE
 from bringup.commands.outcome import companion
 
@@ -171,7 +171,7 @@ def test_no_passive_run_of_another_plant_beside_it(
 ) -> None:
     """The companion would be simulated with the plant in use now; it is left out when the recording had another."""
     run = recording_of(duration_s=12.0, faults=[{**SENSOR, "onset_s": 5.0}])
-    run.metadata["software"] = software()
+    run.metadata["software"] = versions()
     beside, _ = companion(run)
     assert beside is not None
     other = tmp_path / "heavy.yaml"
@@ -180,17 +180,17 @@ def test_no_passive_run_of_another_plant_beside_it(
     beside, note = companion(run)
     assert beside is None
     assert "recorded with another plant, which `acftc --plant FILE` names" in note
-    run.metadata["software"] = software()
+    run.metadata["software"] = versions()
     assert run.metadata["software"]["plant"].startswith("heavy.yaml ")
     monkeypatch.delenv(PLANT_VARIABLE)
     assert companion(run) == (None, note)
 
 
-# ----------------------------------------------------------------------------------------------------- the story
+# ----------------------------------------------------------------------------------------------- the narrative
 
 
 def kinds(summary: dict) -> dict[str, str]:
-    return {sentence.text: sentence.kind for sentence in story(summary)}
+    return {sentence.text: sentence.kind for sentence in narrative(summary)}
 
 
 def test_the_story_of_a_fault_that_was_missed_or_taken_for_another(recording_of: Make):
@@ -210,7 +210,7 @@ def test_the_story_tells_how_the_pressure_fared_with_and_without(recording_of: M
     run, other = recording_of(faults=[SENSOR]), recording_of(passive=True, faults=[SENSOR])
     other.series["plant/evaporator_pressure"][1000:] -= 5e3
     (sentence,) = (
-        one.text for one in story(summarise(run), summarise(other)) if one.text.startswith("The actual evaporator")
+        one.text for one in narrative(summarise(run), summarise(other)) if one.text.startswith("The actual evaporator")
     )
     own, without = sentence.split(". ")
     assert own == (
