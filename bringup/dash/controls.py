@@ -9,7 +9,8 @@ from ac_common.fault_profiles import PROFILE_KEYS, PROFILES
 from ac_common.faults import Fault
 from ac_common.topics import COMPENSATOR, SCENARIO
 from ac_common.units import KPA
-from bringup.dash.link import Link, View
+from bringup.dash.link import Link
+from bringup.dash.view import View
 from bringup.nodes.scenario import OFFSETS
 
 POINTS = ("low", "med", "high")

@@ -17,7 +17,7 @@ from ac_common.health import reported
 from ac_common.units import KPA
 from bringup.dash.controls import STYLE, ChangeControl, FaultControl, RunControl
 from bringup.dash.cycle import corners, subcooled_enthalpy
-from bringup.dash.link import Link, View
+from bringup.dash.link import Link
 from bringup.dash.plots import (
     TIME_PLOTS,
     cycle_columns,
@@ -30,6 +30,7 @@ from bringup.dash.plots import (
     zone_source,
 )
 from bringup.dash.rows import MOST_ROWS, ROW_PERIOD_S, WINDOW_S, columns_of
+from bringup.dash.view import View
 
 #: Time between two updates, ms.
 UPDATE_MS = 100

@@ -10,7 +10,6 @@ from ac_common.faults import ISOLABLE_KINDS as FAULTS
 from fdi_node.decision import JumpRule, Supervision
 from fdi_node.detector import Detection, FaultDetector, FdiDesign
 
-
 #: The readings are the residuals here, and jump as a superheat cannot.
 NO_JUMPS = JumpRule(smallest=(math.inf, math.inf, math.inf))
 
