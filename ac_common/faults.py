@@ -154,6 +154,25 @@ FAULTS: tuple[Fault, ...] = (
         adds="added to the measured evaporator pressure",
         has_filter=True,
     ),
+    Fault(
+        kind="superheat_sensor",
+        symbol="f_SH",
+        place=Place.SENSOR,
+        signal="superheat",
+        unit="K",
+        si=1.0,
+        si_unit="K",
+        size_key="size_k",
+        largest=20.0,
+        typical=3.0,
+        name="superheat sensor",
+        subject="the sensor of the superheat",
+        verb="read",
+        more="too high",
+        less="too low",
+        adds="added to the measured superheat",
+        has_filter=False,
+    ),
 )
 
 #: Names of all faults, in their order.

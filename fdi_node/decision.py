@@ -6,14 +6,14 @@ A state machine on the ratios `|r_i| / threshold_i`, with one watch for each res
     DETECTED  --a residual leads for isolate_s, or undecided_s are over-->       ISOLATED
     DETECTED, ISOLATED --the residuals in question are small for clear_s-->      QUIET, or DETECTED anew
     any       --a reading has jumped as no fault of a filter makes it, and stays there for confirm_s-->  UNKNOWN
-    UNKNOWN   --it is back for clear_s, or all residuals are small for clear_s-->  QUIET
+    UNKNOWN   --all residuals are small for clear_s, or it is back for aftermath_s-->  QUIET, or DETECTED anew
 
 A fault is isolated when its residual leads, and a second one, too, when its residual is then more than the first fault
 could make it. Pure bookkeeping: nothing here knows what the residuals are of.
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from enum import Enum
 from typing import Any, NamedTuple
@@ -63,28 +63,32 @@ class Supervision:
 class JumpRule:
     """When a reading has jumped by itself, as only its sensor can make it.
 
-    No fault that a filter is for, nor anything physical, moves superheat or wall temperature by much within one tick
-    while the other readings stand: a fault of the compressor and a disturbance move all of them, within seconds; a
-    fault of the pressure's sensor moves the reading of the pressure, and a derived superheat only along with it.
+    No fault that a filter is for, nor anything physical, moves the superheat by much within one tick while the other
+    readings stand: a fault of the compressor and a disturbance move all of them, within seconds; a fault of the
+    pressure's sensor moves the reading of the pressure, and a derived superheat only along with it.
 
     Attributes
     ----------
     smallest : tuple of float
-        Smallest jump from one tick to the next of p_e [Pa], SH [K], T_w [K] that counts; inf: this reading's sensor
-        has a filter, which tells more.
+        Smallest jump from one tick to the next of p_e [Pa], SH [K], T_w [K] that counts. inf: none does. The pressure's
+        sensor has a filter, which tells more; and T_w really jumps when the superheated zone, whose wall it is, ends.
     deviations : float
         And it is at least so many times what the reading did lately (root mean square from tick to tick).
     still, still_deviations : tuple of float, float
-        The other readings move by less than this, or than so many times what they did lately.
+        The other readings move by less than this; for noise, by less than so many times what they did lately, but at
+        most twice as much.
     memory_s : float
         How long "lately" is; nothing is a jump before half of it is over.
+    aftermath_s : float
+        For how long after the reading is back the residuals may remember that it was not.
     """
 
-    smallest: tuple[float, float, float] = (math.inf, 1.5, 1.5)
+    smallest: tuple[float, float, float] = (math.inf, 1.5, math.inf)
     deviations: float = 10.0
     still: tuple[float, float, float] = (300.0, 0.3, 0.3)
     still_deviations: float = 4.0
     memory_s: float = 10.0
+    aftermath_s: float = 120.0
 
 
 class State(Enum):
@@ -223,7 +227,9 @@ class Jumps:
         """Whether reading i has moved by far more than it used to while the others stood still."""
         rule, usual = self._rule, [math.sqrt(square) for square in self._squares]
         return abs(moves[i]) > rule.deviations * usual[i] and all(
-            abs(moves[k]) < max(rule.still[k], rule.still_deviations * usual[k]) for k in range(len(moves)) if k != i
+            abs(moves[k]) < rule.still[k] * min(max(1.0, rule.still_deviations * usual[k] / rule.still[k]), 2.0)
+            for k in range(len(moves))
+            if k != i
         )
 
 
@@ -245,6 +251,7 @@ class Decision:
         self.state = State.QUIET
         self._rules = rules
         self._jumps = Jumps(jump_rule, sample_time_s)
+        self._aftermath_s = jump_rule.aftermath_s
         self._watches = [Watch() for _ in ISOLABLE_KINDS]
         numbers = range(len(ISOLABLE_KINDS))
         self._others = [[k for k in numbers if k != i] for i in numbers]
@@ -272,13 +279,9 @@ class Decision:
             watch.update(time_s, ratios[i], others, self._rules.cross_talk[i], self._rules)
         if self.state is not State.UNKNOWN and time_s - self._away_since >= self._rules.confirm_s:
             self._enter_unknown(time_s)
-        elif self.state is State.UNKNOWN:
-            self._leave_unknown(time_s)
-        elif self.state is not State.QUIET:
-            self._isolate(time_s)
-            self._end(time_s)
-        elif any(watch.under_way for watch in self._watches):
-            self._begin(time_s)
+        else:
+            for action in _ACTIONS[self.state]:
+                action(self, time_s)
         return self._conclusion()
 
     def forget_jumps(self) -> None:
@@ -324,7 +327,9 @@ class Decision:
     # -- actions ------------------------------------------------------------------------------------------------
 
     def _begin(self, time_s: float) -> None:
-        """Begin a detection, with the first of the residuals that it is about."""
+        """Begin a detection when a residual calls for it, with the first of those that it is about."""
+        if not any(watch.under_way for watch in self._watches):
+            return
         self._onset_s = min(watch.above for watch in self._watches if watch.under_way)
         self._detected_s = time_s
         self.state = State.DETECTED
@@ -363,10 +368,8 @@ class Decision:
         """Begin with what the residuals say now, whatever they said before."""
         for watch in self._watches:
             watch.under_way = time_s - watch.above >= self._rules.confirm_s
-        if any(watch.under_way for watch in self._watches):
-            self._begin(time_s)
-        else:
-            self._rest()
+        self._rest()
+        self._begin(time_s)
 
     def _rest(self) -> None:
         """Go back to where nothing is detected."""
@@ -387,9 +390,10 @@ class Decision:
         self.state = State.UNKNOWN
 
     def _leave_unknown(self, time_s: float) -> None:
-        """Let the unknown fault be over when its reading has been back, or all residuals small, for `clear_s`."""
+        """Let the unknown fault be over when no residual, or not its reading, has told of it for long enough."""
         small_since = max(self._isolated[0].isolated_s, *(watch.below for watch in self._watches))
-        if max(time_s - self._back_since, time_s - small_since) < self._rules.clear_s:
+        is_small = time_s - small_since >= self._rules.clear_s
+        if not is_small and time_s - self._back_since < self._aftermath_s:
             return
         self._isolated = []
         self._away_since = self._back_since = NOT
@@ -405,3 +409,12 @@ class Decision:
         also = ISOLABLE_KINDS[self._isolated[0].residual] if len(self._isolated) > 1 else None
         kind = UNKNOWN if last.residual < 0 else ISOLABLE_KINDS[last.residual]
         return Conclusion(True, kind, last.residual, last.onset_s, last.isolated_s, also)
+
+
+#: What is done in each state, in this order, unless a jump ends it.
+_ACTIONS: dict[State, tuple[Callable[[Decision, float], None], ...]] = {
+    State.QUIET: (Decision._begin,),
+    State.DETECTED: (Decision._isolate, Decision._end),
+    State.ISOLATED: (Decision._isolate, Decision._end),
+    State.UNKNOWN: (Decision._leave_unknown,),
+}
