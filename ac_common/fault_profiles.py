@@ -1,6 +1,6 @@
-"""How a fault grows over time: unit profiles of a fault, as arrays over all ticks.
+"""How a fault grows over time: unit profiles of a fault, over all ticks of a run or for one tick of a live fault.
 
-A profile is 0 before its onset and scaled by the fault's size afterwards, so one set of shapes serves both faults.
+A profile is 0 before its onset and scaled by the fault's size afterwards, so one set of shapes serves all faults.
 """
 
 from typing import Any
@@ -26,12 +26,44 @@ _ROUNDING_S = 1e-6
 
 
 def is_there(since_s: Any, period_s: float, duty_percent: float) -> Any:
-    """Whether an intermittent fault is there, this long after its onset; a number or an array.
+    """Return whether an intermittent fault is there, this long after its onset; a number or an array.
 
     A tick at the end of a period belongs to the next one, also when its time was rounded to just before it.
     """
     within = (since_s + _ROUNDING_S) % period_s
     return within < period_s * duty_percent / 100.0
+
+
+def grown(
+    since_s: Any,
+    profile: str,
+    *,
+    rise_s: float = 60.0,
+    period_s: float = 60.0,
+    time_constant_s: float = 100.0,
+    duty_percent: float = 50.0,
+) -> Any:
+    """Return how much of a fault of size 1 there is, this long after its onset; a number or an array.
+
+    The parameters are those of `unit_profile`.
+
+    Raises
+    ------
+    ValueError
+        When `profile` is not one of `PROFILES` that time alone decides: all but ``random_walk``.
+    """
+    if profile == "step":
+        return np.ones_like(since_s)
+    if profile == "ramp":
+        return np.clip(since_s / rise_s, 0.0, 1.0)
+    if profile == "sine":
+        return np.sin(2.0 * np.pi * since_s / period_s)
+    if profile == "drift":
+        return 1.0 - np.exp(-np.maximum(since_s, 0.0) / time_constant_s)
+    if profile == "intermittent":
+        return np.asarray(is_there(since_s, period_s, duty_percent), dtype=np.float64)
+    msg = f"fault profile {profile!r} is unknown; allowed: {', '.join(PROFILES)}"
+    raise ValueError(msg)
 
 
 def unit_profile(
@@ -46,7 +78,7 @@ def unit_profile(
     duty_percent: float = 50.0,
     seed: int = 0,
 ) -> NDArray[np.float64]:
-    """Fault of size 1 over time.
+    """Return a fault of size 1 over time.
 
     Parameters
     ----------
@@ -72,23 +104,13 @@ def unit_profile(
         When `profile` is none of `PROFILES`.
     """
     since = time_s - onset_s
-    if profile == "step":
-        shape = np.ones_like(time_s)
-    elif profile == "ramp":
-        shape = np.clip(since / rise_s, 0.0, 1.0)
-    elif profile == "sine":
-        shape = np.sin(2.0 * np.pi * since / period_s)
-    elif profile == "drift":
-        shape = 1.0 - np.exp(-np.maximum(since, 0.0) / time_constant_s)
-    elif profile == "intermittent":
-        shape = is_there(since, period_s, duty_percent).astype(np.float64)
-    elif profile == "random_walk":
+    if profile == "random_walk":
         tick_s = time_s[1] - time_s[0] if len(time_s) > 1 else 0.0
         steps = np.random.default_rng(seed).normal(size=len(time_s)) * np.sqrt(tick_s / time_constant_s)
         shape = np.cumsum(np.where(since > 0.0, steps, 0.0))
     else:
-        msg = f"fault profile {profile!r} is unknown; allowed: {', '.join(PROFILES)}"
-        raise ValueError(msg)
+        times = {"rise_s": rise_s, "period_s": period_s, "time_constant_s": time_constant_s}
+        shape = grown(since, profile, **times, duty_percent=duty_percent)
     acts = time_s >= onset_s
     if end_s is not None:
         acts &= time_s < end_s

@@ -3,7 +3,11 @@
 from typing import NamedTuple
 
 from ac_common.errors import shortened
-from ac_common.topics import FAULTS
+from ac_common.faults import ISOLABLE_KINDS, UNKNOWN
+
+_THRESHOLDS = tuple(f"threshold/{kind}" for kind in ISOLABLE_KINDS)
+#: What a fault can be isolated as.
+_NAMES = frozenset((*ISOLABLE_KINDS, UNKNOWN))
 
 
 class StatusRow(NamedTuple):
@@ -14,12 +18,12 @@ class StatusRow(NamedTuple):
 
     time_s: float
     detected: bool
-    isolated: str | None  # "compressor_speed", "evaporator_pressure" or None
-    size: float  # estimate of the isolated fault: rad/s or Pa
+    isolated: str | None  # a kind of fault that has a filter, "unknown", or None
+    size: float  # estimate of the isolated fault, SI; nan for an unknown one
     onset_s: float
     isolated_s: float
-    thresholds: tuple[float, float]  # of the two residuals: rad/s, Pa
-    also_isolated: str | None = None  # with both faults isolated: the one before `isolated`
+    thresholds: tuple[float, ...]  # of the residuals, in the order of `ac_common.faults.ISOLABLE`, SI
+    also_isolated: str | None = None  # with two faults isolated: the one before `isolated`
 
 
 def status_text(row: StatusRow) -> str:
@@ -38,7 +42,7 @@ def status_values(row: StatusRow) -> dict[str, str]:
         "size": repr(float(row.size)),
         "onset_s": repr(float(row.onset_s)),
         "isolated_s": repr(float(row.isolated_s)),
-        **{f"threshold/{fault}": repr(float(limit)) for fault, limit in zip(FAULTS, row.thresholds, strict=True)},
+        **{key: repr(float(limit)) for key, limit in zip(_THRESHOLDS, row.thresholds, strict=True)},
     }
 
 
@@ -53,7 +57,7 @@ def status_row(values: dict[str, str], time_s: float) -> StatusRow:
     try:
         isolated, also_isolated = (values[key] or None for key in ("isolated", "also_isolated"))
         for named in (isolated, also_isolated):
-            if named is not None and named not in FAULTS:
+            if named is not None and named not in _NAMES:
                 raise ValueError(named)
         return StatusRow(
             time_s=time_s,
@@ -62,7 +66,7 @@ def status_row(values: dict[str, str], time_s: float) -> StatusRow:
             size=float(values["size"]),
             onset_s=float(values["onset_s"]),
             isolated_s=float(values["isolated_s"]),
-            thresholds=(float(values[f"threshold/{FAULTS[0]}"]), float(values[f"threshold/{FAULTS[1]}"])),
+            thresholds=tuple([float(values[key]) for key in _THRESHOLDS]),
             also_isolated=also_isolated,
         )
     except (KeyError, ValueError) as problem:

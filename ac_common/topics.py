@@ -1,9 +1,12 @@
-"""The topics of the loop: name, type, frame, joints, who publishes and who subscribes. The one place that knows.
+"""The topics of the loop: name, type, meaning, who publishes and who subscribes. The one place that knows.
 
-Nothing here imports ROS, so that tools which only read recordings start fast.
+The topics of faults come from `ac_common.faults`. Nothing here imports ROS, so that tools which only read recordings
+start fast. How to add a topic: `docs/how-to/new-topic.md`.
 """
 
 from dataclasses import dataclass
+
+from ac_common.faults import BY_KIND, FAULTS, ISOLABLE, Fault, Place
 
 NAMESPACE = "/ac"
 
@@ -20,8 +23,8 @@ AIR = "evaporator_air"
 #: The field of a JointState in which a joint's value travels: speeds and flows are velocities, openings positions.
 JOINT_FIELD = {COMPRESSOR: "velocity", VALVE: "position", AIR: "velocity"}
 
-#: The two faults, in the order of every fault, residual and threshold array.
-FAULTS = ("compressor_speed", "evaporator_pressure")
+#: Unit of a joint's value.
+JOINT_UNIT = {COMPRESSOR: "rad/s", VALVE: "0..1", AIR: "kg/s"}
 
 # Names of the nodes, as in `ros2 node list`.
 PLANT, INJECTOR, FDI, COMPENSATOR, CONTROLLER = "ac_plant", "fault_injector", "fdi", "compensator", "gimc_controller"
@@ -39,15 +42,43 @@ TEMPERATURE_SPAN = (-150.0, 200.0)
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic of the loop, relative to the namespace."""
+    """One topic of the loop.
+
+    Attributes
+    ----------
+    name : str
+        Relative to the namespace.
+    type : str
+    meaning : str
+        What it says, for the reference.
+    publisher : str
+        Name of the node that publishes it; names of those that act on it are `subscribers`.
+    joints : tuple of str
+        Of a JointState, in the order of the array.
+    frame : str
+    is_difference : bool
+        Whether its values may have either sign.
+    in_kelvin : bool
+        Whether a temperature is a difference in K, and not in degC.
+    """
 
     name: str
     type: str
+    meaning: str
     publisher: str
     subscribers: tuple[str, ...] = ()
-    joints: tuple[str, ...] = ()  # of a JointState, in the order of the array
+    joints: tuple[str, ...] = ()
     frame: str = ""
-    is_difference: bool = False  # its values may have either sign
+    is_difference: bool = False
+    in_kelvin: bool = False
+
+    @property
+    def unit(self) -> str:
+        """Unit of its values, with the joints they belong to where there are several."""
+        if self.type == JOINTS:
+            named = [f"{joint} {JOINT_UNIT[joint]}" for joint in self.joints]
+            return JOINT_UNIT[AIR] if self.joints == (AIR,) else ", ".join(named)
+        return {PRESSURE: "Pa", TEMPERATURE: "K" if self.in_kelvin else "°C"}.get(self.type, "see below")
 
     @property
     def spans(self) -> tuple[tuple[float, float], ...]:
@@ -65,44 +96,168 @@ class Topic:
 
 
 _ACTUATORS = (COMPRESSOR, VALVE)
+_READINGS = {
+    "evaporator_pressure": (PRESSURE, "evaporator", False),
+    "superheat": (TEMPERATURE, "evaporator", True),
+    "wall_temperature": (TEMPERATURE, "evaporator", True),
+}
+"""Type and frame of the readings, and whether a difference of two of them is in K."""
+
+
+def _of_fault(fault: Fault, name: str, meaning: str, publisher: str, *subscribers: str) -> Topic:
+    """Return a topic that carries the size of a fault, in the type of what it is added to."""
+    if fault.place is Place.ACTUATOR:
+        return Topic(name, JOINTS, meaning, publisher, subscribers, (fault.signal,), is_difference=True)
+    type_, frame, in_kelvin = _READINGS[fault.signal]
+    return Topic(name, type_, meaning, publisher, subscribers, (), frame, is_difference=True, in_kelvin=in_kelvin)
+
 
 TOPICS: tuple[Topic, ...] = (
-    Topic("plant/evaporator_pressure", PRESSURE, PLANT, (INJECTOR, SCENARIO), frame="evaporator"),
-    Topic("plant/superheat", TEMPERATURE, PLANT, (INJECTOR,), frame="evaporator"),
-    Topic("plant/wall_temperature", TEMPERATURE, PLANT, (INJECTOR,), frame="evaporator"),
-    Topic("plant/condenser_pressure", PRESSURE, PLANT, (), frame="condenser"),
-    Topic("plant/air_inlet_temperature", TEMPERATURE, PLANT, (FDI,), frame="evaporator_air"),
-    Topic("measured/evaporator_pressure", PRESSURE, INJECTOR, (FDI, CONTROLLER), frame="evaporator"),
-    Topic("measured/superheat", TEMPERATURE, INJECTOR, (FDI, CONTROLLER), frame="evaporator"),
-    Topic("measured/wall_temperature", TEMPERATURE, INJECTOR, (FDI,), frame="evaporator"),
-    Topic("reference/evaporator_pressure", PRESSURE, SCENARIO, (COMPENSATOR, CONTROLLER), frame="evaporator"),
-    Topic("reference/superheat", TEMPERATURE, SCENARIO, (COMPENSATOR, CONTROLLER), frame="evaporator"),
-    Topic("scenario/air", JOINTS, SCENARIO, (PLANT,), (AIR,)),
-    Topic("scenario/air_inlet_temperature", TEMPERATURE, SCENARIO, (PLANT,), frame="evaporator_air"),
-    Topic("scenario/fault/compressor_speed", JOINTS, SCENARIO, (INJECTOR,), (COMPRESSOR,), is_difference=True),
+    Topic("plant/evaporator_pressure", PRESSURE, "p_e, actual", PLANT, (INJECTOR, SCENARIO), frame="evaporator"),
     Topic(
-        "scenario/fault/evaporator_pressure", PRESSURE, SCENARIO, (INJECTOR,), frame="evaporator", is_difference=True
+        "plant/superheat",
+        TEMPERATURE,
+        "superheat SH, actual: a difference",
+        PLANT,
+        (INJECTOR,),
+        frame="evaporator",
+        in_kelvin=True,
     ),
-    Topic("controller/command", JOINTS, CONTROLLER, (INJECTOR, FDI), _ACTUATORS),
-    Topic("actuator/command", JOINTS, INJECTOR, (PLANT,), _ACTUATORS),
-    Topic("fdi/innovation/evaporator_pressure", PRESSURE, FDI, (COMPENSATOR,), frame="evaporator", is_difference=True),
-    Topic("fdi/innovation/superheat", TEMPERATURE, FDI, (COMPENSATOR,), frame="evaporator", is_difference=True),
-    Topic("fdi/innovation/wall_temperature", TEMPERATURE, FDI, (COMPENSATOR,), frame="evaporator", is_difference=True),
-    Topic("fdi/residual/compressor_speed", JOINTS, FDI, (), (COMPRESSOR,), is_difference=True),
-    Topic("fdi/residual/evaporator_pressure", PRESSURE, FDI, (), frame="evaporator", is_difference=True),
-    Topic("fdi/status", DIAGNOSTICS, FDI, (COMPENSATOR,)),
-    Topic("compensator/q", JOINTS, COMPENSATOR, (CONTROLLER,), _ACTUATORS, is_difference=True),
-    Topic("fault/compressor_speed", JOINTS, INJECTOR, (), (COMPRESSOR,), is_difference=True),
-    Topic("fault/evaporator_pressure", PRESSURE, INJECTOR, (), frame="evaporator", is_difference=True),
+    Topic(
+        "plant/wall_temperature",
+        TEMPERATURE,
+        "T_w, wall of the superheated zone, actual",
+        PLANT,
+        (INJECTOR,),
+        frame="evaporator",
+    ),
+    Topic("plant/condenser_pressure", PRESSURE, "p_c, actual", PLANT, frame="condenser"),
+    Topic(
+        "plant/air_inlet_temperature",
+        TEMPERATURE,
+        "air into the evaporator, a measured disturbance",
+        PLANT,
+        (FDI,),
+        frame="evaporator_air",
+    ),
+    Topic(
+        "measured/evaporator_pressure",
+        PRESSURE,
+        "p_e with f_p and noise",
+        INJECTOR,
+        (FDI, CONTROLLER),
+        frame="evaporator",
+    ),
+    Topic(
+        "measured/superheat",
+        TEMPERATURE,
+        "SH with noise; with a derived superheat, also with what f_p does to it",
+        INJECTOR,
+        (FDI, CONTROLLER),
+        frame="evaporator",
+        in_kelvin=True,
+    ),
+    Topic("measured/wall_temperature", TEMPERATURE, "T_w with noise", INJECTOR, (FDI,), frame="evaporator"),
+    Topic(
+        "reference/evaporator_pressure",
+        PRESSURE,
+        "what p_e is to be",
+        SCENARIO,
+        (COMPENSATOR, CONTROLLER),
+        frame="evaporator",
+    ),
+    Topic(
+        "reference/superheat",
+        TEMPERATURE,
+        "what SH is to be",
+        SCENARIO,
+        (COMPENSATOR, CONTROLLER),
+        frame="evaporator",
+        in_kelvin=True,
+    ),
+    Topic("scenario/air", JOINTS, "air mass flow through the evaporator, kg/s", SCENARIO, (PLANT,), (AIR,)),
+    Topic("scenario/air_inlet_temperature", TEMPERATURE, "its temperature", SCENARIO, (PLANT,), frame="evaporator_air"),
+    *(
+        _of_fault(fault, fault.schedule_topic, f"{fault.symbol} that the scenario wants", SCENARIO, INJECTOR)
+        for fault in FAULTS
+    ),
+    Topic("controller/command", JOINTS, "u, within its limits", CONTROLLER, (INJECTOR, FDI), _ACTUATORS),
+    Topic("actuator/command", JOINTS, "what reaches the plant: u with f_N", INJECTOR, (PLANT,), _ACTUATORS),
+    Topic(
+        "fdi/innovation/evaporator_pressure",
+        PRESSURE,
+        "f_e, row of p_e",
+        FDI,
+        (COMPENSATOR,),
+        frame="evaporator",
+        is_difference=True,
+    ),
+    Topic(
+        "fdi/innovation/superheat",
+        TEMPERATURE,
+        "f_e, row of SH: a difference",
+        FDI,
+        (COMPENSATOR,),
+        frame="evaporator",
+        is_difference=True,
+        in_kelvin=True,
+    ),
+    Topic(
+        "fdi/innovation/wall_temperature",
+        TEMPERATURE,
+        "f_e, row of T_w: a difference",
+        FDI,
+        (COMPENSATOR,),
+        frame="evaporator",
+        is_difference=True,
+        in_kelvin=True,
+    ),
+    *(
+        _of_fault(fault, fault.residual_topic, f"{fault.residual_symbol}, the estimate of {fault.symbol}", FDI)
+        for fault in ISOLABLE
+    ),
+    Topic("fdi/status", DIAGNOSTICS, "detected, isolated fault, size, onset, thresholds", FDI, (COMPENSATOR,)),
+    Topic("compensator/q", JOINTS, "q = Q f_e", COMPENSATOR, (CONTROLLER,), _ACTUATORS, is_difference=True),
+    *(
+        _of_fault(
+            fault,
+            fault.truth_topic,
+            f"{fault.symbol}, the truth: for evaluation only, no node of the loop reads it",
+            INJECTOR,
+        )
+        for fault in FAULTS
+    ),
 )
 
 #: Topics that are silent while all is well. In no tick anyone waits for them.
 OCCASIONAL: tuple[Topic, ...] = (
     # What the actuators hold while no command comes, without f_N: where a controller that comes back takes over.
-    Topic("actuator/setpoint", JOINTS, INJECTOR, (CONTROLLER, FDI), _ACTUATORS),
+    Topic(
+        "actuator/setpoint",
+        JOINTS,
+        "what the actuators hold while no command comes, without f_N",
+        INJECTOR,
+        (CONTROLLER, FDI),
+        _ACTUATORS,
+    ),
 )
 
 BY_NAME = {topic.name: topic for topic in (*TOPICS, *OCCASIONAL)}
 
 #: Keys of `Recording.series`, in the order of the table above.
 SERIES: tuple[str, ...] = tuple(key for topic in TOPICS for key in topic.series)
+
+
+def truth_of(kind: str) -> str:
+    """Return the key in `SERIES` of a fault as it was injected."""
+    return BY_NAME[BY_KIND[kind].truth_topic].series[0]
+
+
+def schedule_of(kind: str) -> str:
+    """Return the key in `SERIES` of a fault as the scenario wants it."""
+    return BY_NAME[BY_KIND[kind].schedule_topic].series[0]
+
+
+def residual_of(kind: str) -> str:
+    """Return the key in `SERIES` of the estimate of a fault that has a filter."""
+    return BY_NAME[BY_KIND[kind].residual_topic].series[0]

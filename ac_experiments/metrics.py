@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.errors import UserError
+from ac_common.faults import BY_KIND, KINDS, UNKNOWN, in_unit
 from ac_common.fdi_status import StatusRow
 from ac_common.files import write_whole
-from ac_common.topics import FAULTS
-from ac_common.units import FAULT_UNITS, KPA, RPM
+from ac_common.topics import schedule_of, truth_of
+from ac_common.units import KPA, RPM
 from ac_experiments.recording import Recording
 
 #: "At rest" and "just before" are averages over this long, s.
@@ -24,12 +25,10 @@ GRACE_S = 60.0
 #: standard deviations of what it did just before the fault: with noise it is never quieter than that.
 SETTLED_KPA, SETTLED_DEVIATIONS = 0.25, 4.0
 
-_TRUTH = {"compressor_speed": "fault/compressor_speed:compressor", "evaporator_pressure": "fault/evaporator_pressure"}
-
 
 @dataclass(frozen=True)
 class InjectedFault:
-    """One fault of a run: `size` in SI (rad/s or Pa), `end_s` nan when it stayed."""
+    """One fault of a run: `size` in SI, `end_s` nan when it stayed."""
 
     kind: str
     onset_s: float
@@ -38,7 +37,7 @@ class InjectedFault:
 
 
 def summarise(recording: Recording) -> dict[str, Any]:
-    """Key figures of a run.
+    """Return the key figures of a run.
 
     Returns
     -------
@@ -50,15 +49,15 @@ def summarise(recording: Recording) -> dict[str, Any]:
         sample time; nodes with none are left out), ``complete`` (False for a recording cut short).
 
         ``faults``: a list in order of onset, each with ``kind``, ``onset_s``, ``end_s`` (None: it stayed), ``size``,
-        ``unit`` (of `size` and `estimate`: rpm or kPa), ``detected_s`` (first detection after the onset),
-        ``isolated_s``, ``isolated_as`` (the first fault named after the onset), ``estimate`` (the detector's size of
-        that fault, averaged over the last 20 s of its isolation); and, until the next fault, of the *actual* p_e minus
-        its reference: ``peak_pressure_error_kpa``, the largest magnitude, and ``settled_s``, from when on it stays
-        within ``settled_within_kpa`` (the onset itself when it never leaves that; None when it does not come back):
-        `SETTLED_KPA` and, with noise, `SETTLED_DEVIATIONS` of the 20 s before the fault.
+        ``unit`` (of `size`: rpm, kPa, K), ``detected_s`` (first detection after the onset), ``isolated_s``,
+        ``isolated_as`` (the first fault named after the onset, or "unknown"), ``estimate`` (the detector's size of that
+        fault in its unit, averaged over the last 20 s of its isolation); and, until the next fault, of the *actual* p_e
+        minus its reference: ``peak_pressure_error_kpa``, the largest magnitude, and ``settled_s``, from when on it
+        stays within ``settled_within_kpa`` (the onset itself when it never leaves that; None when it does not come
+        back): `SETTLED_KPA` and, with noise, `SETTLED_DEVIATIONS` of the 20 s before the fault.
 
         ``false_alarms``: detections that begin while no fault is present nor was within the last 60 s, plus isolations
-        that name a fault that is not there although another one is.
+        that name a fault that is not there although another one is ("unknown" is right for one that no filter is for).
 
         ``restarts``: of nodes that had died, each with ``node``, ``died_s``, ``back_s`` (None: not within the run),
         ``reason``. ``events``: what nodes announced (a missing input, a protection that acts, and the end of it), each
@@ -78,23 +77,10 @@ def summarise(recording: Recording) -> dict[str, Any]:
     UserError
         When the recording holds no tick.
     """
-    time_s, series, about = recording.time_s, recording.series, recording.metadata
+    time_s, about = recording.time_s, recording.metadata
     if len(time_s) == 0:
         msg = "the recording holds no tick"
         raise UserError(msg)
-    faults = injected_faults(recording)
-    first_onset_s = min((fault.onset_s for fault in faults), default=float(time_s[0]))
-    last_onset_s = max((fault.onset_s for fault in faults), default=float(time_s[0]) + WINDOW_S)
-
-    after = time_s >= first_onset_s
-    at_rest = time_s > time_s[-1] - WINDOW_S
-    before = (time_s >= last_onset_s - WINDOW_S) & (time_s < last_onset_s)
-    if not before.any():
-        before = time_s == time_s[0]
-    command_rpm = series["controller/command:compressor"] / RPM
-    pressure_error_kpa = (series["plant/evaporator_pressure"] - series["reference/evaporator_pressure"]) / KPA
-    superheat_error_k = series["plant/superheat"] - series["reference/superheat"]
-
     sample_time_s = float(about["sample_time_s"])
     wall_seconds = about.get("wall_seconds")
     return {
@@ -112,13 +98,30 @@ def summarise(recording: Recording) -> dict[str, Any]:
         "false_alarms": false_alarms(recording),
         "restarts": [_with_numbers(restart) for restart in about.get("restarts", [])],
         "events": about.get("events", []),
-        "metrics": {
-            "command_change_rpm": _number(_mean(command_rpm[at_rest]) - _mean(command_rpm[before])),
-            "peak_pressure_error_kpa": _number(_peak(pressure_error_kpa[after])),
-            "steady_pressure_error_kpa": _number(_mean(pressure_error_kpa[at_rest])),
-            "peak_superheat_error_k": _number(_peak(superheat_error_k[after])),
-            "steady_superheat_error_k": _number(_mean(superheat_error_k[at_rest])),
-        },
+        "metrics": _metrics(recording),
+    }
+
+
+def _metrics(recording: Recording) -> dict[str, float | None]:
+    """Return the entry ``metrics`` of `summarise`."""
+    time_s, series = recording.time_s, recording.series
+    onsets = [fault.onset_s for fault in injected_faults(recording)]
+    first_onset_s = min(onsets, default=float(time_s[0]))
+    last_onset_s = max(onsets, default=float(time_s[0]) + WINDOW_S)
+    after = time_s >= first_onset_s
+    at_rest = time_s > time_s[-1] - WINDOW_S
+    before = (time_s >= last_onset_s - WINDOW_S) & (time_s < last_onset_s)
+    if not before.any():
+        before = time_s == time_s[0]
+    command_rpm = series["controller/command:compressor"] / RPM
+    pressure_error_kpa = (series["plant/evaporator_pressure"] - series["reference/evaporator_pressure"]) / KPA
+    superheat_error_k = series["plant/superheat"] - series["reference/superheat"]
+    return {
+        "command_change_rpm": _number(_mean(command_rpm[at_rest]) - _mean(command_rpm[before])),
+        "peak_pressure_error_kpa": _number(_peak(pressure_error_kpa[after])),
+        "steady_pressure_error_kpa": _number(_mean(pressure_error_kpa[at_rest])),
+        "peak_superheat_error_k": _number(_peak(superheat_error_k[after])),
+        "steady_superheat_error_k": _number(_mean(superheat_error_k[at_rest])),
     }
 
 
@@ -138,18 +141,20 @@ def injected_faults(recording: Recording) -> list[InjectedFault]:
     Those of the scenario when they explain the recorded truth; what was injected live besides is read off the truth
     itself: from where it leaves zero until it is back there for longer than the grace time.
     """
-    time_s = recording.time_s
     found = []
-    for kind in FAULTS:
-        truth = recording.series[_TRUTH[kind]]
-        truth = np.where(np.isfinite(truth), truth, 0.0)
-        planned = recording.series["scenario/" + _TRUTH[kind]]
-        planned = np.where(np.isfinite(planned), planned, 0.0)
+    for kind in KINDS:
+        truth, planned = _size_of(recording, truth_of(kind)), _size_of(recording, schedule_of(kind))
         if np.array_equal(truth, planned):
             found += [fault for fault in _scheduled(recording) if fault.kind == kind]
         else:
+            time_s = recording.time_s
             found += [_read_off(kind, time_s, truth, start, stop) for start, stop in _episodes(time_s, truth != 0.0)]
     return sorted(found, key=lambda fault: fault.onset_s)
+
+
+def _size_of(recording: Recording, key: str) -> NDArray[np.float64]:
+    """Return a fault over time; zero where nothing says it, as in a recording that is older than the kind."""
+    return np.nan_to_num(recording.series.get(key, np.zeros(len(recording.time_s))), posinf=0.0, neginf=0.0)
 
 
 def fault_summaries(recording: Recording) -> list[dict[str, Any]]:
@@ -162,11 +167,11 @@ def false_alarms(recording: Recording) -> int:
     """Count detections without a fault, and isolations that name the wrong one; see `summarise`."""
     faults = injected_faults(recording)
 
-    def present(time_s: float, kind: str | None = None) -> bool:
+    def present(time_s: float, named: str | None = None) -> bool:
         return any(
             fault.onset_s <= time_s and not time_s > fault.end_s + GRACE_S
             for fault in faults
-            if kind is None or fault.kind == kind
+            if named is None or fault.kind == named or (named == UNKNOWN and not BY_KIND[fault.kind].has_filter)
         )
 
     count = 0
@@ -184,13 +189,12 @@ def false_alarms(recording: Recording) -> int:
 
 def _scheduled(recording: Recording) -> list[InjectedFault]:
     """Faults of the scenario whose onset lies within what was recorded."""
-    sizes = {"compressor_speed": "size_rpm", "evaporator_pressure": "size_kpa"}
     return [
         InjectedFault(
             kind=fault["kind"],
             onset_s=float(fault["onset_s"]),
             end_s=math.nan if fault.get("end_s") is None else float(fault["end_s"]),
-            size=float(fault[sizes[fault["kind"]]]) * FAULT_UNITS[fault["kind"]][1],
+            size=float(fault[BY_KIND[fault["kind"]].size_key]) * BY_KIND[fault["kind"]].si,
         )
         for fault in recording.metadata["scenario"].get("faults", [])
         if fault["onset_s"] <= recording.time_s[-1]
@@ -234,15 +238,14 @@ def _fault_summary(recording: Recording, faults: list[InjectedFault], number: in
     isolation = next((row for row in rows if row.isolated is not None and row.isolated != was_isolated), None)
     # While an earlier fault is still detected, a new one shows first when it is named.
     detection = isolation if was_detected else next((row for row in rows if row.detected), None)
-    unit, in_si = FAULT_UNITS[fault.kind]
     within_kpa = _usual_error_kpa(recording, fault.onset_s)
     peak_kpa, settled_s = _pressure_error(recording, fault.onset_s, until_s, within_kpa)
     return {
         "kind": fault.kind,
         "onset_s": fault.onset_s,
         "end_s": _number(fault.end_s),
-        "size": fault.size / in_si,
-        "unit": unit,
+        "size": in_unit(fault.kind, fault.size),
+        "unit": BY_KIND[fault.kind].unit,
         "detected_s": detection.time_s if detection else None,
         "isolated_s": isolation.time_s if isolation else None,
         "isolated_as": isolation.isolated if isolation else None,
@@ -284,12 +287,12 @@ def _pressure_error(
 
 
 def _estimate(rows: list[StatusRow], isolation: StatusRow | None) -> float | None:
-    """Size given by the detector, in rpm or kPa, averaged over the last 20 s in which that fault was isolated."""
+    """Return the detector's size in that fault's unit, averaged over the last 20 s in which it was isolated."""
     if isolation is None or isolation.isolated is None:
         return None
     named = [row for row in rows if row.isolated == isolation.isolated and row.time_s >= isolation.time_s]
     last = [row.size for row in named if row.time_s > named[-1].time_s - WINDOW_S]
-    return _number(_mean(np.array(last)) / FAULT_UNITS[isolation.isolated][1])
+    return _number(in_unit(isolation.isolated, _mean(np.array(last))))
 
 
 def _mean(values: NDArray[np.float64]) -> float:

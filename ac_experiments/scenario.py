@@ -11,15 +11,16 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from ac_common.errors import UserError, nearest, one_line, shortened
+from ac_common.faults import FAULTS, KINDS, Fault
 from ac_common.units import KPA
 from ac_common.yaml_file import parsed, text_of, yaml_text
-from ac_experiments.scenario_schema import LARGEST, SHORTEST_S, Change, Scenario, quoted, unknown
+from ac_experiments.scenario_schema import SHORTEST_S, Change, Scenario, quoted, unknown
 
 BUILT_IN = Path(__file__).parent / "scenarios"
 
 
 @dataclass(frozen=True)
-class Program:
+class Schedule:
     """A scenario as arrays over its K ticks, SI: what the loop and the scenario node play.
 
     Attributes
@@ -31,7 +32,7 @@ class Program:
     air
         (K, 2) ``[air mass flow kg/s, air inlet temperature degC]``.
     faults
-        (K, 2) ``[f_N rad/s, f_p Pa]``.
+        (K, F) size of each fault of `ac_common.faults.FAULTS`, SI.
     """
 
     time_s: NDArray[np.float64]
@@ -40,7 +41,7 @@ class Program:
     faults: NDArray[np.float64]
 
 
-def program(scenario: Scenario, inputs: NDArray[np.float64], outputs: NDArray[np.float64]) -> Program:
+def schedule(scenario: Scenario, inputs: NDArray[np.float64], outputs: NDArray[np.float64]) -> Schedule:
     """Turn a scenario into arrays over all ticks.
 
     Parameters
@@ -54,7 +55,7 @@ def program(scenario: Scenario, inputs: NDArray[np.float64], outputs: NDArray[np
     """
     time_s = np.arange(scenario.ticks) * scenario.tick_ns / 1e9
     references, air = scenario.references, scenario.air
-    return Program(
+    return Schedule(
         time_s=time_s,
         reference=np.column_stack(
             [
@@ -68,20 +69,14 @@ def program(scenario: Scenario, inputs: NDArray[np.float64], outputs: NDArray[np
                 inputs[3] + _moves(time_s, air.inlet_temperature_k),
             ]
         ),
-        faults=np.column_stack(
-            [
-                np.clip(  # a random walk goes anywhere, given time
-                    sum(
-                        (fault.over(time_s, fault.size) for fault in scenario.faults if fault.kind == kind),
-                        start=np.zeros_like(time_s),
-                    ),
-                    -largest,
-                    largest,
-                )
-                for kind, largest in LARGEST.items()
-            ]
-        ),
+        faults=np.column_stack([_of_kind(scenario, kind, time_s) for kind in FAULTS]),
     )
+
+
+def _of_kind(scenario: Scenario, kind: Fault, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the sum of all faults of a kind over time, (K,), SI; limited, since a random walk goes anywhere."""
+    faults = (fault.over(time_s) for fault in scenario.faults if fault.fault is kind)
+    return np.clip(sum(faults, start=np.zeros_like(time_s)), -kind.largest_si, kind.largest_si)
 
 
 def _moves(time_s: NDArray[np.float64], changes: Sequence[Change]) -> NDArray[np.float64]:
@@ -235,8 +230,11 @@ def _driven(scenario: Scenario, source: str) -> Scenario:
 
 def _line(problem: Any) -> str:
     """One pydantic problem as ``key: what was given, what is allowed``."""
-    tags = {"compressor_speed", "evaporator_pressure"}
-    where = ".".join(str(part) for part in problem["loc"] if part not in tags)
+    # Where a fault's kind chooses its model, pydantic names it after the fault's number.
+    place = problem["loc"]
+    if place[:1] == ("faults",) and place[2:3] and place[2] in KINDS:
+        place = (*place[:2], *place[3:])
+    where = ".".join(str(part) for part in place)
     prefix = f"{where}: " if where else ""
     kind, given, context = problem["type"], problem.get("input"), problem.get("ctx", {})
     if kind == "value_error":
@@ -244,9 +242,9 @@ def _line(problem: Any) -> str:
     if kind == "missing":
         return f"{prefix}is missing"
     if kind == "union_tag_not_found":
-        return f"{prefix}kind is missing; allowed: compressor_speed, evaporator_pressure"
+        return f"{prefix}kind is missing; allowed: {', '.join(sorted(KINDS))}"
     if kind == "union_tag_invalid":
-        return f"{prefix}{unknown('kind', context['tag'], sorted(tags))}"
+        return f"{prefix}{unknown('kind', context['tag'], sorted(KINDS))}"
     if kind == "literal_error":
         hint = nearest(given, re.findall(r"'(.*?)'", context["expected"]))
         return f"{prefix}given {quoted(given)}{hint} allowed: {context['expected']}"

@@ -8,24 +8,25 @@ import re
 import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import reduce
+from operator import or_
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model, model_validator
 
 from ac_common.errors import UserError, nearest, shortened
 from ac_common.fault_profiles import PROFILE_KEYS, unit_profile
+from ac_common.faults import BY_KIND, FAULTS, Fault
 from ac_common.sample_time import DEFAULT_SAMPLE_TIME_S, LONGEST_SAMPLE_TIME_S, SHORTEST_SAMPLE_TIME_S
-from ac_common.units import FAULT_UNITS, KPA, RPM
+from ac_common.units import KPA
 
 #: Shortest time that a profile may take, s: the shortest sample time.
 SHORTEST_S = 0.01
 #: By how much times that follow on each other may be off, s.
 ROUNDING_S = 1e-9
-#: Largest fault, also of all faults of a kind together: what the nodes take for a signal of this loop.
-LARGEST_RPM, LARGEST_KPA = 1000.0, 100.0
 #: Largest seed of random numbers: what a ROS parameter holds on every machine.
 LARGEST_SEED = 2**31 - 1
 
@@ -123,8 +124,8 @@ def targets_within(part: type[_Part], key: str) -> TargetsWithin:
     return next(limit for limit in limits if isinstance(limit, TargetsWithin))
 
 
-class _Fault(_Part):
-    """What both faults share: when, and how it grows."""
+class ScheduledFault(_Part):
+    """What all faults share: when, and how it grows. With its size, each kind has a model of its own."""
 
     onset_s: float = Field(ge=0.0)
     end_s: float | None = None
@@ -136,7 +137,7 @@ class _Fault(_Part):
     seed: int | None = Field(default=None, ge=0, le=LARGEST_SEED)
 
     @model_validator(mode="after")
-    def _consistent(self) -> "_Fault":
+    def _consistent(self) -> "ScheduledFault":
         if self.end_s is not None and self.end_s <= self.onset_s:
             msg = f"end_s {self.end_s:g} must come after onset_s {self.onset_s:g}"
             raise ValueError(msg)
@@ -147,39 +148,35 @@ class _Fault(_Part):
                 raise ValueError(msg)
         return self
 
-    def over(self, time_s: NDArray[np.float64], size: float) -> NDArray[np.float64]:
-        """Fault of `size` over the ticks `time_s`, shape (K,)."""
+    @property
+    def fault(self) -> Fault:
+        """The fault that it is one of."""
+        return BY_KIND[getattr(self, "kind")]  # noqa: B009
+
+    @property
+    def size(self) -> float:
+        """Size in SI."""
+        return float(getattr(self, self.fault.size_key)) * self.fault.si
+
+    def over(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the fault over the ticks `time_s`, shape (K,), SI."""
         shape = {key: getattr(self, key) for key in PROFILE_KEYS[self.profile] if getattr(self, key) is not None}
-        return size * unit_profile(time_s, self.profile, self.onset_s, self.end_s, **shape)
+        return self.size * unit_profile(time_s, self.profile, self.onset_s, self.end_s, **shape)
 
 
-class CompressorSpeedFault(_Fault):
-    """f_N: adds `size_rpm` to the compressor speed at the plant's input."""
-
-    kind: Literal["compressor_speed"]
-    size_rpm: float = Field(ge=-LARGEST_RPM, le=LARGEST_RPM)
-
-    @property
-    def size(self) -> float:
-        """Size in rad/s."""
-        return self.size_rpm * RPM
+def _model_of(fault: Fault) -> type[ScheduledFault]:
+    """Return the part of a scenario file that describes a fault of this kind."""
+    size = (float, Field(ge=-fault.largest, le=fault.largest))
+    fields: dict[str, Any] = {"kind": (Literal[fault.kind], ...), fault.size_key: size}
+    return create_model(fault.kind, __base__=ScheduledFault, **fields)
 
 
-class EvaporatorPressureFault(_Fault):
-    """f_p: adds `size_kpa` to the measured evaporator pressure."""
-
-    kind: Literal["evaporator_pressure"]
-    size_kpa: float = Field(ge=-LARGEST_KPA, le=LARGEST_KPA)
-
-    @property
-    def size(self) -> float:
-        """Size in Pa."""
-        return self.size_kpa * KPA
-
-
-#: Largest fault by kind, SI.
-LARGEST = {"compressor_speed": LARGEST_RPM * RPM, "evaporator_pressure": LARGEST_KPA * KPA}
-Fault = Annotated[CompressorSpeedFault | EvaporatorPressureFault, Field(discriminator="kind")]
+#: The part of a scenario file for each kind of fault.
+FAULT_MODELS: dict[str, type[ScheduledFault]] = {fault.kind: _model_of(fault) for fault in FAULTS}
+if TYPE_CHECKING:
+    AnyFault = ScheduledFault
+else:
+    AnyFault = Annotated[reduce(or_, FAULT_MODELS.values()), Field(discriminator="kind")]
 
 
 class Noise(_Part):
@@ -230,7 +227,7 @@ class Scenario(_Part):
     controller: Annotated[str, AfterValidator(ControllerName())] = "tracking"
     references: References = References()
     air: Air = Air()
-    faults: list[Fault] = []
+    faults: list[AnyFault] = []
     noise: Noise = Noise()
 
     @model_validator(mode="after")
@@ -251,19 +248,19 @@ class Scenario(_Part):
 
     @model_validator(mode="after")
     def _faults_together(self) -> "Scenario":
-        for kind, (unit, factor) in FAULT_UNITS.items():
+        for kind in FAULTS:
             moves = []
             for fault in self.faults:
-                if fault.kind == kind:
+                if fault.fault is kind:
                     moves.append((fault.onset_s, abs(fault.size)))
                     moves.append((self.duration_s if fault.end_s is None else fault.end_s, -abs(fault.size)))
             together = 0.0
             for at_s, more in sorted(moves):
                 together += more
-                if together > LARGEST[kind] * (1.0 + 1e-9):
+                if together > kind.largest_si * (1.0 + 1e-9):
                     msg = (
-                        f"faults: those of {kind} are {together / factor:g} {unit} together at {at_s:g} s; "
-                        f"allowed: {LARGEST[kind] / factor:g} {unit}"
+                        f"faults: those of {kind.kind} are {together / kind.si:g} {kind.unit} together at {at_s:g} s; "
+                        f"allowed: {kind.largest_si / kind.si:g} {kind.unit}"
                     )
                     raise ValueError(msg)
         return self

@@ -1,11 +1,11 @@
 """The whole loop in one process, without ROS: the same step functions as the nodes, in the order of one tick.
 
-Tick k: plant outputs -> injector (f_p, noise) -> detector -> compensator -> controller -> injector (f_N) -> plant. The
-graph of processes calls exactly these functions in this order, so both give the same numbers.
+Tick k: plant outputs -> injector (sensor faults, noise) -> detector -> compensator -> controller -> injector (actuator
+faults) -> plant. The graph of processes calls exactly these functions in this order, so both give the same numbers.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
@@ -13,12 +13,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.errors import RunError
+from ac_common.faults import ISOLABLE_KINDS, KINDS
 from ac_common.fdi_status import StatusRow
 from ac_common.health import AS_USUAL
-from ac_common.topics import COMPENSATOR, CONTROLLER, SERIES
+from ac_common.signals import Innovation, Measurement, PlantOutput, Reference, topics_of
+from ac_common.topics import (
+    BY_NAME,
+    COMPENSATOR,
+    CONTROLLER,
+    SERIES,
+    residual_of,
+    schedule_of,
+    truth_of,
+)
 from ac_experiments.designs import Designs, check_controller_of, designs_of
 from ac_experiments.recording import Recording
-from ac_experiments.scenario import program
+from ac_experiments.scenario import Schedule, schedule
 from ac_experiments.scenario_schema import Scenario
 from ac_experiments.versions import versions
 
@@ -26,6 +36,19 @@ Progress = Callable[[int, int], None]
 
 #: Ticks between two calls of the progress function.
 PROGRESS_EVERY = 200
+
+_ACTUATORS = tuple(BY_NAME["controller/command"].joints)
+#: Series that a tick of the loop makes, in the order in which `_Loop.tick` gives them.
+_MADE = (
+    *topics_of("plant", PlantOutput),
+    "plant/air_inlet_temperature",
+    *topics_of("measured", Measurement),
+    *topics_of("fdi/innovation", Innovation),
+    *(residual_of(kind) for kind in ISOLABLE_KINDS),
+    *(f"compensator/q:{joint}" for joint in _ACTUATORS),
+    *(f"controller/command:{joint}" for joint in _ACTUATORS),
+    *(f"actuator/command:{joint}" for joint in _ACTUATORS),
+)
 
 
 def simulate(
@@ -50,7 +73,8 @@ def simulate(
     Returns
     -------
     Recording
-        Every signal of the loop, as if read back from a bag; mode ``simulate``.
+        Every signal of the loop, as if read back from a bag; mode ``simulate``. A topic that no step function makes is
+        missing.
 
     Raises
     ------
@@ -59,94 +83,36 @@ def simulate(
     ValueError
         When the compensator is to act with two sensors.
     """
-    # Imported here: these compile or load designs, and the command line must answer --help at once.
-    from ac_plant_node import Plant, operating_point
-    from fault_injector_node.injector import FaultInjector
-    from fdi_node import FaultDetector
-    from gimc_controller_node import Compensator
-    from gimc_controller_node.making import make_controller
-
     passive = scenario.is_passive(passive)
-    point, sample_time_s, ticks = scenario.operating_point, scenario.sample_time_s, scenario.ticks
-    rest = operating_point(point)
-    plan = program(scenario, rest.inputs, rest.outputs)
-    plant = Plant.at(point)
-    injector = FaultInjector(scenario.noise.std, scenario.noise.seed, scenario.superheat_sensor)
-    if designs is None:
-        designs = designs_of(scenario)
-    detector = FaultDetector(designs.fdi)
-    compensator = Compensator(designs.compensator, accommodate=not passive)
-    check_controller_of(scenario)
-    controller = make_controller(designs.controller, scenario.controller_class)
-    compensator_does, controller_does = "", ""
-    events: list[dict[str, Any]] = []
-
-    log = {key: np.empty((ticks, width)) for key, width in _WIDTHS.items()}
-    plant_log, air_log, measured_log, innovation_log = (
-        log[key] for key in ("outputs", "air_inlet", "measured", "innovation")
-    )
-    residual_log, q_log, command_log = (log[key] for key in ("residual", "q", "command"))
-    inputs_log = np.hstack([np.empty((ticks, 2)), plan.air])
-    status: list[StatusRow] = []
-    first, second = designs.fdi.thresholds.tolist()
-    thresholds = (first, second)
-    times, faults, inlets = plan.time_s.tolist(), plan.faults.tolist(), plan.air[:, 1].tolist()
-    outputs = rest.outputs
-    # The plant reports the inlet temperature that acted until now: the one held over the sample just past.
-    air_inlet_temperature_c = float(rest.inputs[3])
+    loop = _Loop(scenario, designs or designs_of(scenario), accommodate=not passive)
+    plan, ticks = loop.schedule, scenario.ticks
+    made = np.empty((ticks, len(_MADE)))
+    times, faults, air = plan.time_s.tolist(), plan.faults.tolist(), plan.air.tolist()
     started = time.perf_counter()
-    for k, (reference, inputs) in enumerate(zip(plan.reference, inputs_log, strict=True)):
-        time_s, (f_n, f_p) = times[k], faults[k]
-        measured = injector.measure(outputs[:3], f_p)
-        found = detector.observe(time_s, measured, air_inlet_temperature_c)
-        q = compensator.step(found.innovation, found.isolated, found.also_isolated, tuple(reference.tolist()))
-        command = controller.step(reference, measured, q)
-        detector.commanded(command)
-        if (does := compensator.does) != compensator_does:
-            compensator_does = does
-            events.append({"time_s": time_s, "node": COMPENSATOR, "what": compensator_does or AS_USUAL})
-        if (does := controller.does) != controller_does:
-            controller_does = does
-            events.append({"time_s": time_s, "node": CONTROLLER, "what": controller_does or AS_USUAL})
-        actuator = injector.actuate(command, f_n)
-
-        plant_log[k] = outputs
-        air_log[k] = air_inlet_temperature_c
-        measured_log[k] = measured
-        innovation_log[k] = found.innovation
-        residual_log[k] = found.residual
-        q_log[k] = q
-        command_log[k] = command
-        _, _, _, detected, isolated, size, onset_s, isolated_s, also_isolated = found
-        status.append(StatusRow(time_s, detected, isolated, size, onset_s, isolated_s, thresholds, also_isolated))
-
-        inputs[:2] = actuator
-        air_inlet_temperature_c = inlets[k]
+    for k, reference in enumerate(plan.reference):
+        made[k] = loop.tick(times[k], reference, faults[k])
         try:
-            outputs = plant.step(inputs, sample_time_s)
+            loop.advance(air[k])
         except ValueError as problem:
-            msg = f"{scenario.name}: the plant stopped at {time_s:.1f} s: {problem}"
+            msg = f"{scenario.name}: the plant stopped at {times[k]:.1f} s: {problem}"
             raise RunError(msg) from problem
         if progress is not None and k % PROGRESS_EVERY == 0:
             progress(k, ticks)
     if progress is not None:
         progress(ticks, ticks)
-
-    log["actuator"] = inputs_log[:, :2]
-    log["reference"], log["air"], log["faults"] = plan.reference, plan.air, plan.faults
     return Recording(
         time_s=plan.time_s,
-        series=_as_series(log),
-        status=status,
+        series=_series(made, plan),
+        status=loop.status,
         metadata={
             "scenario": scenario.model_dump(mode="json"),
             "mode": "simulate",
             "passive": passive,
-            "sample_time_s": sample_time_s,
+            "sample_time_s": scenario.sample_time_s,
             "started": datetime.now(UTC).isoformat(timespec="seconds"),
             "wall_seconds": time.perf_counter() - started,
             "missed_ticks": 0,
-            "events": events,
+            "events": loop.events,
             "restarts": [],
             "complete": True,
             "software": versions(),
@@ -154,48 +120,79 @@ def simulate(
     )
 
 
-#: Columns of each logged array.
-_WIDTHS = {
-    "outputs": 4,
-    "air_inlet": 1,
-    "measured": 3,
-    "innovation": 3,
-    "residual": 2,
-    "q": 2,
-    "command": 2,
-}
+class _Loop:
+    """The blocks of the loop, what flows between them from one tick to the next, and what they announce.
 
-#: Which column of which logged array a recorded series is.
-_COLUMNS = {
-    "plant/evaporator_pressure": ("outputs", 0),
-    "plant/superheat": ("outputs", 1),
-    "plant/wall_temperature": ("outputs", 2),
-    "plant/condenser_pressure": ("outputs", 3),
-    "plant/air_inlet_temperature": ("air_inlet", 0),
-    "measured/evaporator_pressure": ("measured", 0),
-    "measured/superheat": ("measured", 1),
-    "measured/wall_temperature": ("measured", 2),
-    "reference/evaporator_pressure": ("reference", 0),
-    "reference/superheat": ("reference", 1),
-    "scenario/air:evaporator_air": ("air", 0),
-    "scenario/air_inlet_temperature": ("air", 1),
-    "scenario/fault/compressor_speed:compressor": ("faults", 0),
-    "scenario/fault/evaporator_pressure": ("faults", 1),
-    "controller/command:compressor": ("command", 0),
-    "controller/command:expansion_valve": ("command", 1),
-    "actuator/command:compressor": ("actuator", 0),
-    "actuator/command:expansion_valve": ("actuator", 1),
-    "fdi/innovation/evaporator_pressure": ("innovation", 0),
-    "fdi/innovation/superheat": ("innovation", 1),
-    "fdi/innovation/wall_temperature": ("innovation", 2),
-    "fdi/residual/compressor_speed:compressor": ("residual", 0),
-    "fdi/residual/evaporator_pressure": ("residual", 1),
-    "compensator/q:compressor": ("q", 0),
-    "compensator/q:expansion_valve": ("q", 1),
-    "fault/compressor_speed:compressor": ("faults", 0),
-    "fault/evaporator_pressure": ("faults", 1),
-}
+    Attributes
+    ----------
+    schedule : Schedule
+    status : list of StatusRow
+    events : list of dict
+    """
+
+    def __init__(self, scenario: Scenario, designs: Designs, *, accommodate: bool) -> None:
+        # Imported here: these compile or load designs, and the command line must answer --help at once.
+        from ac_plant_node import Plant, operating_point
+        from fault_injector_node.injector import FaultInjector
+        from fdi_node import FaultDetector
+        from gimc_controller_node import Compensator
+        from gimc_controller_node.making import make_controller
+
+        check_controller_of(scenario)
+
+        rest = operating_point(scenario.operating_point)
+        self.schedule = schedule(scenario, rest.inputs, rest.outputs)
+        self.status: list[StatusRow] = []
+        self.events: list[dict[str, Any]] = []
+        self._sample_time_s = scenario.sample_time_s
+        self._plant = Plant.at(scenario.operating_point)
+        self._injector = FaultInjector(scenario.noise.std, scenario.noise.seed, scenario.superheat_sensor)
+        self._detector = FaultDetector(designs.fdi)
+        self._compensator = Compensator(designs.compensator, accommodate=accommodate)
+        self._controller = make_controller(designs.controller, scenario.controller_class)
+        self._outputs: list[float] = rest.outputs.tolist()
+        self._inputs = np.array(rest.inputs)
+        # The plant reports the inlet temperature that acted until now: the one held over the sample just past.
+        self._air_inlet_c = float(rest.inputs[3])
+        self._does = {COMPENSATOR: "", CONTROLLER: ""}
+
+    def tick(self, time_s: float, reference: NDArray[np.float64], faults: Sequence[float]) -> tuple[float, ...]:
+        """Go around the loop once; return the values of `_MADE`."""
+        outputs, air_inlet_c = self._outputs, self._air_inlet_c
+        measured = self._injector.measure(outputs[:3], faults)
+        found = self._detector.observe(time_s, measured, air_inlet_c)
+        wanted = tuple(reference.tolist())
+        q = self._compensator.step(found.innovation, found.isolated, found.also_isolated, wanted)
+        command = self._controller.step(reference, np.array(measured), q)
+        self._detector.commanded(command)
+        if self._compensator.does != self._does[COMPENSATOR]:
+            self._announce(time_s, COMPENSATOR, self._compensator.does)
+        if self._controller.does != self._does[CONTROLLER]:
+            self._announce(time_s, CONTROLLER, self._controller.does)
+        commanded = command.tolist()
+        actuator = self._injector.actuate(commanded, faults)
+        self._inputs[:2] = actuator
+        self.status.append(found.status(time_s))
+        seen = (*measured, *found.innovation, *found.residual)
+        return (*outputs, air_inlet_c, *seen, *q.tolist(), *commanded, *actuator)
+
+    def advance(self, air: Sequence[float]) -> None:
+        """Let the plant run on to the next tick with the actuators as they are; raises ValueError when it cannot."""
+        self._inputs[2:] = air
+        self._air_inlet_c = air[1]
+        self._outputs = self._plant.step(self._inputs, self._sample_time_s).tolist()
+
+    def _announce(self, time_s: float, node: str, does: str) -> None:
+        self._does[node] = does
+        self.events.append({"time_s": time_s, "node": node, "what": does or AS_USUAL})
 
 
-def _as_series(log: dict[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
-    return {key: log[_COLUMNS[key][0]][:, _COLUMNS[key][1]].copy() for key in SERIES}
+def _series(made: NDArray[np.float64], plan: Schedule) -> dict[str, NDArray[np.float64]]:
+    """Return all recorded series, in their usual order: what the loop has made, and what was played to it."""
+    columns = dict(zip(_MADE, made.T, strict=True))
+    columns |= dict(zip(topics_of("reference", Reference), plan.reference.T, strict=True))
+    air = (BY_NAME["scenario/air"].series[0], "scenario/air_inlet_temperature")
+    columns |= dict(zip(air, plan.air.T, strict=True))
+    for kind, sizes in zip(KINDS, plan.faults.T, strict=True):
+        columns[schedule_of(kind)] = columns[truth_of(kind)] = sizes
+    return {key: columns[key].copy() for key in SERIES if key in columns}

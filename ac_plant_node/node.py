@@ -108,7 +108,7 @@ class PlantNode(LoopNode):
         self._commanded_tick = -1
         self._published_s.clear()
         if not self._realtime:
-            self.add_output(Topic("clock", CLOCK, PLANT), "/clock")
+            self.add_output(Topic("clock", CLOCK, "simulated time", PLANT), "/clock")
         air = ("scenario/air", "scenario/air_inlet_temperature")
         if self._realtime:
             self.on_tick(air, self._ventilated, holds_s=dict.fromkeys(air, math.inf))

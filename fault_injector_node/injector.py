@@ -1,4 +1,7 @@
-"""Faults and noise between plant and loop: f_p and noise on the measurements, f_N on the command.
+"""Faults and noise between plant and loop: sensor faults and noise on the readings, actuator faults on the command.
+
+    actual  -> [+ noise] -> [+ sensor faults] -> [derived superheat] -> measured
+    command -> [+ actuator faults] -> [not below zero] -> actuator
 
 The superheat is measured by itself (the paper), or, as in a car, derived from an outlet thermocouple and the pressure
 that is *measured*: `SH = T_out - T_sat(p_e)`, so what is wrong with the pressure is wrong with the superheat as well.
@@ -9,9 +12,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ac_common.faults import Place, faults_at
+from ac_common.signals import Command, Measurement
+
 Vector = NDArray[np.float64]
 
 _TICKS_AT_ONCE = 200
+_SENSOR_FAULTS, _ACTUATOR_FAULTS = faults_at(Place.SENSOR), faults_at(Place.ACTUATOR)
 
 
 class FaultInjector:
@@ -50,47 +57,49 @@ class FaultInjector:
             raise ValueError(msg)
         self._noise = _noise(std, seed) if np.any(std > 0.0) else None
 
-    def measure(self, actual: Vector, f_p: float) -> Vector:
-        """Measurement of this tick.
+    def measure(self, actual: Sequence[float], faults: Sequence[float]) -> Measurement:
+        """Return the readings of this tick.
 
         Parameters
         ----------
-        actual : ndarray, shape (3,)
+        actual : sequence of float, length 3
             Evaporator pressure [Pa], superheat [K], wall temperature [degC] as they are.
-        f_p : float
-            Fault of the pressure sensor [Pa].
+        faults : sequence of float
+            Size of each fault of `ac_common.faults.FAULTS` [SI].
 
         Returns
         -------
-        ndarray, shape (3,)
-            As `actual`, with f_p on the pressure and noise on all three.
+        Measurement
+            As `actual`, with the sensors' faults and noise.
         """
-        measured: Vector = actual.copy() if self._noise is None else actual + next(self._noise)
-        measured[0] += f_p
+        measured = list(actual)
+        if self._noise is not None:
+            for i, noise in enumerate(next(self._noise)):
+                measured[i] += noise
+        for fault, reading in _SENSOR_FAULTS:
+            measured[reading] += faults[fault]
         if self._derived:
             measured[1] += self._saturation_temperature(actual[0]) - self._saturation_temperature(measured[0])
-        return measured
+        return Measurement(*measured)
 
-    def actuate(self, command: Vector, f_n: float) -> Vector:
-        """Command that reaches the plant: f_N [rad/s] added to the compressor speed, never below standstill.
+    def actuate(self, command: Sequence[float], faults: Sequence[float]) -> Command:
+        """Return the command that reaches the plant: with the actuators' faults, and never below standstill.
 
         Parameters
         ----------
-        command : ndarray, shape (2,)
+        command : sequence of float, length 2
             Compressor speed [rad/s], valve opening [0..1].
-        f_n : float
-
-        Returns
-        -------
-        ndarray, shape (2,)
+        faults : sequence of float
+            As in `measure`.
         """
-        actuator: Vector = command.copy()
-        actuator[0] = max(actuator[0] + f_n, 0.0)
-        return actuator
+        actuator = list(command)
+        for fault, joint in _ACTUATOR_FAULTS:
+            actuator[joint] = max(actuator[joint] + faults[fault], 0.0)
+        return Command(*actuator)
 
 
-def _noise(std: Vector, seed: int) -> Iterator[Vector]:
-    """Noise of one tick after the other; drawn for many at once, which is the same noise for less time."""
+def _noise(std: Vector, seed: int) -> Iterator[list[float]]:
+    """Yield the noise of one tick after the other; drawn for many at once, which is the same noise for less time."""
     random = np.random.default_rng(seed)
     while True:
-        yield from std * random.standard_normal((_TICKS_AT_ONCE, 3))
+        yield from (std * random.standard_normal((_TICKS_AT_ONCE, 3))).tolist()

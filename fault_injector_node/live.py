@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ac_common.fault_profiles import PROFILES, is_there
+from ac_common.fault_profiles import PROFILES, grown
 
 
 @dataclass(frozen=True)
@@ -15,7 +15,7 @@ class Shape:
     Attributes
     ----------
     size : float
-        rad/s (compressor speed) or Pa (evaporator pressure).
+        SI.
     """
 
     profile: str = "step"
@@ -68,7 +68,7 @@ class LiveFault:
         self._shape = None
 
     def value(self, time_s: float) -> float:
-        """Fault at this tick, in the unit of its size; call it once a tick.
+        """Return the fault at this tick, in the unit of its size; call it once a tick.
 
         Parameters
         ----------
@@ -81,18 +81,9 @@ class LiveFault:
         if math.isnan(self._onset_s):
             self._onset_s = time_s
         since = time_s - self._onset_s
-        if shape.profile == "step":
-            part = 1.0
-        elif shape.profile == "ramp":
-            part = min(since / shape.rise_s, 1.0)
-        elif shape.profile == "sine":
-            part = math.sin(2.0 * math.pi * since / shape.period_s)
-        elif shape.profile == "drift":
-            part = 1.0 - math.exp(-since / shape.time_constant_s)
-        elif shape.profile == "intermittent":
-            part = float(is_there(since, shape.period_s, shape.duty_percent))
-        else:  # random walk: standard deviation 1 after the time constant
+        if shape.profile == "random_walk":  # standard deviation 1 after the time constant
             draw = self._random.normal() * math.sqrt(self._sample_time_s / shape.time_constant_s)
             self._walk += draw if since > 0.0 else 0.0
-            part = self._walk
-        return shape.size * part
+            return shape.size * self._walk
+        times = {"rise_s": shape.rise_s, "period_s": shape.period_s, "time_constant_s": shape.time_constant_s}
+        return shape.size * float(grown(since, shape.profile, **times, duty_percent=shape.duty_percent))

@@ -7,10 +7,9 @@ it takes up its predecessor's state.
 import math
 import sys
 
-import numpy as np
-
-from ac_common.fdi_status import StatusRow
+from ac_common.faults import ISOLABLE
 from ac_common.health import FdiReport
+from ac_common.signals import Command, Innovation, Measurement, topics_of
 from ac_common.topics import FDI
 from ac_ros_common.checkpoint import AGE_S
 from ac_ros_common.loop_node import LoopNode, run_node
@@ -26,7 +25,9 @@ from ac_ros_common.stuck_sensor import STUCK_S, StuckSensor
 from fdi_node.sequencer import Sequencer
 
 PARAMETERS = (SAMPLE_TIME, MODE, RUN_START, MEMORY_FILE, DESIGN_FILE, DESIGN_COPY)
-MEASURED = ("measured/evaporator_pressure", "measured/superheat", "measured/wall_temperature")
+MEASURED = topics_of("measured", Measurement)
+INNOVATIONS = topics_of("fdi/innovation", Innovation)
+RESIDUALS = tuple(fault.residual_topic for fault in ISOLABLE)
 #: How long the last measurement stands in for a missing one, s.
 HOLD_S = 0.3
 
@@ -46,7 +47,7 @@ class FdiNode(LoopNode):
         self._joins = self.run_start_ns >= 0
         self._start_ns = self.run_start_ns if self._joins else None
         self._stuck = StuckSensor(MEASURED)
-        self._last_command: np.ndarray | None = None
+        self._last_command: Command | None = None
         self._sequencer = Sequencer(self._observe, self._close)
         self.on_tick(
             (*MEASURED, "plant/air_inlet_temperature"),
@@ -73,12 +74,12 @@ class FdiNode(LoopNode):
 
     def _commanded(self, time_ns: int, compressor_speed: float, valve_opening: float) -> None:
         """Take the command of a tick."""
-        self._last_command = np.array([compressor_speed, valve_opening])
+        self._last_command = Command(compressor_speed, valve_opening)
         self._sequencer.commanded(time_ns, compressor_speed, valve_opening)
 
     def _close(self, compressor_speed: float, valve_opening: float) -> None:
         """Step the observer over the tick that was observed last."""
-        self._detector.commanded(np.array([compressor_speed, valve_opening]))
+        self._detector.commanded(Command(compressor_speed, valve_opening))
         self.checkpoint.save(self._sequencer.observed_ns, self._detector)
 
     def _warm_restart(self, since_ns: int | None, time_ns: int, *values: float) -> None:
@@ -89,7 +90,7 @@ class FdiNode(LoopNode):
         if missed is not None and missed * self.sample_time_s >= AGE_S:
             missed = None  # straight lines over so long a time mean nothing
         if missed is None or missed > 0:
-            self._detector.warm_restart(np.array(values[:3]), values[3], self._last_command, missed)
+            self._detector.warm_restart(Measurement(*values[:3]), values[3], self._last_command, missed)
 
     def _observe(self, time_ns: int, *values: float) -> None:
         if self._start_ns is None:
@@ -99,26 +100,12 @@ class FdiNode(LoopNode):
                 self._detector.commanded(self._last_command)
             self._warm_restart(self._sequencer.observed_ns, time_ns, *values)
         time_s = (time_ns - self._start_ns) / 1e9
-        found = self._detector.observe(time_s, np.array(values[:3]), values[3])
-        p_e, superheat, wall = found.innovation.tolist()
-        speed, pressure = found.residual.tolist()
-        first, second = found.thresholds.tolist()
-        status = StatusRow(
-            time_s,
-            bool(found.detected),
-            found.isolated,
-            float(found.size),
-            float(found.onset_s),
-            float(found.isolated_s),
-            (first, second),
-            found.also_isolated,
-        )
-        self.send(time_ns, "fdi/innovation/evaporator_pressure", p_e)
-        self.send(time_ns, "fdi/innovation/superheat", superheat)
-        self.send(time_ns, "fdi/innovation/wall_temperature", wall)
-        self.send(time_ns, "fdi/status", status)
-        self.send(time_ns, "fdi/residual/compressor_speed", speed)
-        self.send(time_ns, "fdi/residual/evaporator_pressure", pressure)
+        found = self._detector.observe(time_s, Measurement(*values[:3]), values[3])
+        for topic, value in zip(INNOVATIONS, found.innovation, strict=True):
+            self.send(time_ns, topic, value)
+        self.send(time_ns, "fdi/status", found.status(time_s))
+        for topic, value in zip(RESIDUALS, found.residual, strict=True):
+            self.send(time_ns, topic, value)
 
     def node_health(self) -> FdiReport:
         """Return how often a measurement had to go ahead without the command of the tick before."""

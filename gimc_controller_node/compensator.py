@@ -17,7 +17,7 @@ Both low-passes are of second order: what a fault brings in before it is isolate
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.arrays import Arrays, same_shape
-from ac_common.topics import FAULTS
+from ac_common.faults import ISOLABLE_KINDS, UNKNOWN
 from ac_common.units import KPA, RPM
 from gimc_controller_node.authority import DESIGN_RANGE, Authority
 from gimc_controller_node.command_limits import CommandLimits
@@ -225,7 +225,7 @@ class Compensator:
 
     def step(
         self,
-        innovation: Vector,
+        innovation: Vector | Sequence[float],
         isolated: str | None,
         also_isolated: str | None = None,
         reference: tuple[float, float] | None = None,
@@ -237,7 +237,8 @@ class Compensator:
         innovation : ndarray, shape (3,)
             f_e [Pa, K, K].
         isolated : str or None
-            The isolated fault: "compressor_speed", "evaporator_pressure", or None.
+            The isolated fault: a kind that has a filter, "unknown", or None. While it is unknown, q goes to nothing as
+            when accommodation is switched off: f_e then says nothing that a Q could make use of.
         also_isolated : str or None
             The other one, when both are.
         reference : tuple of float, optional
@@ -248,6 +249,9 @@ class Compensator:
         ndarray, shape (2,)
             q [rad/s, 0..1].
         """
+        stands_back = isolated == UNKNOWN
+        if stands_back:
+            isolated = also_isolated = None
         if not self._may_follow((isolated is not None) + (also_isolated is not None)):
             isolated = also_isolated = None
         self._innovation[:] = innovation
@@ -260,12 +264,12 @@ class Compensator:
             for i in range(4):
                 correction[i] *= self._fades
         else:
-            row, rate = 2 + 2 * FAULTS.index(isolated), self._hands_over
+            row, rate = 2 + 2 * ISOLABLE_KINDS.index(isolated), self._hands_over
             correction[0] += rate * (kept[row] - guard_speed - correction[0])
             correction[1] += rate * (kept[row + 1] - guard_valve - correction[1])
             correction[2] += rate * (correction[0] - correction[2])
             correction[3] += rate * (correction[1] - correction[3])
-        change = self._share_step if self.accommodate else -self._share_step
+        change = self._share_step if self.accommodate and not stands_back else -self._share_step
         share = self._share = min(max(self._share + change, 0.0), 1.0)
         gain = self._reach.gain if reference is None else self._reach.step(*reference)
         speed, valve = gain * (guard_speed + correction[2]), gain * (guard_valve + correction[3])

@@ -115,11 +115,12 @@ def values(signal, recording):
     """Values of a signal in a recording, tick by tick."""
     import numpy as np
 
-    from ac_common.topics import BY_NAME, FAULTS
+    from ac_common.faults import ISOLABLE_KINDS
+    from ac_common.topics import BY_NAME
 
     topic = signal.topic.removeprefix("/ac/")
     if signal.field == "value":
-        fault = FAULTS.index(signal.item.removeprefix("threshold/"))
+        fault = ISOLABLE_KINDS.index(signal.item.removeprefix("threshold/"))
         return np.array([row.thresholds[fault] for row in recording.status])
     joints = BY_NAME[topic].joints
     if not joints:

@@ -65,10 +65,8 @@ class Plan:
     def lines(self) -> list[str]:
         """Return, in words, everything that happens."""
         plant = [
-            f"f_N {fault.size_rpm:+.0f} rpm {fault.profile} at {fault.onset_s:.0f} s"
-            if fault.kind == "compressor_speed"
-            else f"f_p {fault.size_kpa:+.1f} kPa {fault.profile} at {fault.onset_s:.0f} s"
-            for fault in self.scenario.faults
+            f"{one.fault.symbol} {one.size / one.fault.si:+.1f} {one.fault.unit} {one.profile} at {one.onset_s:.0f} s"
+            for one in self.scenario.faults
         ]
         return [*plant, *map(str, self.processes), *map(str, self.messages)]
 

@@ -1,4 +1,4 @@
-"""What a plot is, whoever draws it: `interactive` for the page, `stills` for files and print."""
+"""What a plot is, whoever draws it: `plotly_charts` for the page, `matplotlib_charts` for files and print."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -4,32 +4,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ac_common.faults import BY_KIND, UNKNOWN, called
 from ac_experiments.report.nodes import Event
 
 GOOD, BAD, PLAIN = "good", "bad", "plain"
 
-_BEGINNINGS = {
-    ("compressor_speed", True): "the compressor {begins} to turn {size:g} rpm faster than commanded",
-    ("compressor_speed", False): "the compressor {begins} to turn {size:g} rpm slower than commanded",
-    ("evaporator_pressure", True): "the sensor of the evaporator pressure {begins} to read {size:g} kPa too high",
-    ("evaporator_pressure", False): "the sensor of the evaporator pressure {begins} to read {size:g} kPa too low",
-}
-_KINDS = {
-    "compressor_speed": "a fault of the compressor speed",
-    "evaporator_pressure": "a fault of the pressure sensor",
-}
-_UNITS = {"compressor_speed": "rpm", "evaporator_pressure": "kPa"}
-
 
 @dataclass(frozen=True)
 class Sentence:
-    """One line of the story: whether it tells of something good, and its text (plain, no HTML)."""
+    """One line of the narrative: whether it tells of something good, and its text (plain, no HTML)."""
 
     kind: str
     text: str
 
 
-def story(
+def narrative(
     summary: Mapping[str, Any], other: Mapping[str, Any] | None = None, events: Sequence[Event] = ()
 ) -> list[Sentence]:
     """Tell a run in a few sentences.
@@ -69,8 +58,9 @@ def story(
 
 
 def _fault(fault: Mapping[str, Any], passive: bool, beside: Mapping[str, Any] | None) -> list[Sentence]:
-    size = fault["size"]
-    begins = _BEGINNINGS[fault["kind"], size >= 0].format(begins="begins", size=abs(size))
+    size, kind = fault["size"], BY_KIND[fault["kind"]]
+    how = kind.more if size >= 0 else kind.less
+    begins = f"{kind.subject} begins to {kind.verb} {abs(size):g} {kind.unit} {how}"
     until = "" if fault["end_s"] is None else f"; until {fault['end_s']:g} s"
     told = [Sentence(PLAIN, f"At {fault['onset_s']:g} s {begins}{until}.")]
     told.append(_diagnosis(fault))
@@ -86,10 +76,12 @@ def _diagnosis(fault: Mapping[str, Any]) -> Sentence:
     if named is None:
         return Sentence(BAD, f"{seen}, but not isolated.")
     after = fault["isolated_s"] - fault["onset_s"]
+    if named == UNKNOWN and not BY_KIND[fault["kind"]].has_filter:
+        return Sentence(GOOD, f"{seen}, isolated as {called(named)} after {after:.1f} s: no filter is for it.")
     if named != fault["kind"]:
-        return Sentence(BAD, f"{seen}, but isolated wrongly, after {after:.1f} s, as {_KINDS[named]}.")
-    size = "" if fault["estimate"] is None else f"; its size was estimated as {fault['estimate']:.1f} {_UNITS[named]}"
-    return Sentence(GOOD, f"{seen}, isolated as {_KINDS[named]} after {after:.1f} s{size}.")
+        return Sentence(BAD, f"{seen}, but isolated wrongly, after {after:.1f} s, as {called(named)}.")
+    size = "" if fault["estimate"] is None else f"; its size was estimated as {fault['estimate']:.1f} {fault['unit']}"
+    return Sentence(GOOD, f"{seen}, isolated as {called(named)} after {after:.1f} s{size}.")
 
 
 def _effect(fault: Mapping[str, Any], passive: bool, beside: Mapping[str, Any] | None) -> Sentence:

@@ -10,6 +10,7 @@ from typing import Any
 
 from markupsafe import Markup
 
+from ac_common.faults import BY_KIND, UNKNOWN
 from ac_common.files import write_whole
 from ac_common.health import health_of
 from ac_common.topics import BRINGUP
@@ -18,9 +19,9 @@ from ac_experiments.metrics import SETTLED_DEVIATIONS, SETTLED_KPA, WINDOW_S, su
 from ac_experiments.recording import Recording
 from ac_experiments.report import matplotlib_charts
 from ac_experiments.report.charts import Chart
-from ac_experiments.report.narrative import story
+from ac_experiments.report.narrative import narrative
 from ac_experiments.report.nodes import MOST_EVENTS, Event, Report, events_of, health_charts
-from ac_experiments.report.panels import STORY, around, charts_of, cut
+from ac_experiments.report.panels import around, charts_of, cut, story_of, subscripted
 from ac_experiments.report.paper_figures import figures_for
 from ac_experiments.report.parts import Part, Plot, Section, Table, Words, cell, code, render_page
 
@@ -32,10 +33,6 @@ _METRICS = (
     ("steady_superheat_error_k", "Actual superheat minus reference at rest", "K", "+.3f"),
 )
 
-_FAULT_NAMES = {
-    "compressor_speed": Markup("f<sub>N</sub> compressor speed"),
-    "evaporator_pressure": Markup("f<sub>p</sub> pressure sensor"),
-}
 #: Faults that get plots of their own; the plots of the whole run show all.
 MOST_DETAILS = 6
 
@@ -102,7 +99,7 @@ def render(
         _PAGE,
         title=f"{summary['scenario']} ({'passive' if summary['passive'] else 'active'})",
         description=scenario.get("description", ""),
-        story=story(summary, other, events or ()),
+        story=narrative(summary, other, events or ()),
         facts=_facts(summary, scenario, recording.metadata),
         sections=[section for section in sections if section.parts],
         script=plots.script(),
@@ -176,13 +173,13 @@ def _faults_table(summary: Mapping[str, Any]) -> list[Part]:
         isolated = fault["isolated_as"]
         rows.append(
             [
-                _FAULT_NAMES[fault["kind"]],
+                _name(fault["kind"]),
                 f"{cell(fault['size'], 'g')} {fault['unit']}",
                 _span(fault),
                 cell(fault["detected_s"], ".1f"),
                 cell(fault["isolated_s"], ".1f"),
-                "–" if isolated is None else _FAULT_NAMES[isolated],
-                "–" if isolated is None else f"{cell(fault['estimate'], '.2f')} {_unit(isolated)}",
+                "–" if isolated is None else _name(isolated),
+                "–" if isolated is None else f"{cell(fault['estimate'], '.2f')} {_unit(isolated)}".rstrip(),
                 cell(fault["peak_pressure_error_kpa"], ".2f"),
                 "stayed" if fault["settled_s"] == fault["onset_s"] else cell(fault["settled_s"], ".1f"),
             ]
@@ -202,7 +199,12 @@ def _span(fault: Mapping[str, Any]) -> str:
 
 
 def _unit(kind: str) -> str:
-    return "rpm" if kind == "compressor_speed" else "kPa"
+    return "" if kind == UNKNOWN else BY_KIND[kind].unit
+
+
+def _name(kind: str) -> str:
+    """Return symbol and name of a fault, as a table shows them."""
+    return UNKNOWN if kind == UNKNOWN else f"{subscripted(BY_KIND[kind].symbol)} {BY_KIND[kind].name}"
 
 
 def _metrics_table(
@@ -239,8 +241,8 @@ def _details(
     """Return the plots of the time around each fault, where the transients can be seen."""
     sections = []
     for number, fault in enumerate(summary["faults"][:MOST_DETAILS], start=1):
-        charts = charts_of(recording, beside, STORY, around(fault["onset_s"]))
-        title = Markup("Around the fault {}, {:g} s").format(_FAULT_NAMES[fault["kind"]], fault["onset_s"])
+        charts = charts_of(recording, beside, story_of(recording), around(fault["onset_s"]))
+        title = Markup("Around the fault {}, {:g} s").format(_name(fault["kind"]), fault["onset_s"])
         picture = plots.put(charts, f"_fault_{number}", f"{summary['scenario']}: around {fault['onset_s']:g} s")
         sections.append(Section(f"fault-{number}", title, [*_note(note), picture]))
     return sections

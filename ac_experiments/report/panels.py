@@ -8,7 +8,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from ac_common.topics import FAULTS
+from ac_common.faults import FAULTS, ISOLABLE, ISOLABLE_KINDS, Fault
+from ac_common.topics import residual_of, truth_of
 from ac_common.units import KPA, RPM
 from ac_experiments.metrics import fault_summaries
 from ac_experiments.recording import Recording
@@ -110,87 +111,80 @@ def charts_of(
     ]
 
 
+@dataclass(frozen=True)
+class _Look:
+    """Colours and names of the lines of a run, and of the run beside it."""
+
+    own: str
+    soft: str
+    other: str
+    tag: str
+    theirs: str
+
+    @classmethod
+    def of(cls, recording: Recording, both: bool) -> "_Look":
+        """Return the look of a run: blue for an active one, red for a passive one."""
+        if recording.metadata["passive"]:
+            return cls(VERMILION, ORANGE, BLUE, ", passive" if both else "", "active")
+        return cls(BLUE, SKY, VERMILION, ", active" if both else "", "passive")
+
+    def output(self, key: str, signal: str, title: str, y_title: str, per_unit: float, *more: Line) -> Panel:
+        """Return the panel of an output, as it is and as it is measured."""
+        own = (
+            Line(f"measured/{signal}", f"measured{self.tag}", self.soft, width=1.4),
+            Line(f"plant/{signal}", f"actual{self.tag}", self.own, width=2.2),
+        )
+        beside = (Line(f"plant/{signal}", f"actual, {self.theirs}", self.other, "dashdot"),)
+        return Panel(key, title, y_title, per_unit, (*own, *more), beside)
+
+    def input(self, key: str, joint: str, title: str, y_title: str, per_unit: float) -> Panel:
+        """Return the panel of a command, as it was given and as it reached the plant."""
+        own = (
+            Line(f"actuator/command:{joint}", f"reached the plant{self.tag}", self.soft, width=1.4, step=True),
+            Line(f"controller/command:{joint}", f"commanded{self.tag}", self.own, width=2.2, step=True),
+        )
+        beside = (Line(f"controller/command:{joint}", f"commanded, {self.theirs}", self.other, "dashdot", step=True),)
+        return Panel(key, title, y_title, per_unit, own, beside)
+
+    def residual(self, fault: Fault) -> Panel:
+        """Return the panel of a residual, with the fault that it estimates."""
+        own = (_injected(fault), Line(residual_of(fault.kind), "residual", self.own, width=2.2))
+        title, y_title = f"Residual of the {fault.name}", f"{subscripted(fault.residual_symbol)}, {fault.unit}"
+        return Panel(fault.residual_symbol, title, y_title, fault.si, own, fault=fault.kind)
+
+    def q(self, key: str, joint: str, title: str, y_title: str, per_unit: float, least: float) -> Panel:
+        """Return the panel of what the compensator adds to a command."""
+        q = Line(f"compensator/q:{joint}", f"q{self.tag}", self.own, width=2.2, step=True)
+        return Panel(key, title, y_title, per_unit, (q,), least_range=least)
+
+
 def panels_of(recording: Recording, both: bool) -> list[Panel]:
     """List the panels of a run, drawn beside another run or not.
 
-    p_e, SH, N, valve, r_N, r_p; q_N, q_valve when a compensator acts; T_w, p_c; air_flow, air_inlet when they move.
+    p_e, SH, N, valve, r_N, r_p; the faults that no filter is for, by their kind, when they are there; q_N, q_valve when
+    a compensator acts; T_w, p_c; air_flow, air_inlet when they move.
     """
-    passive = bool(recording.metadata["passive"])
-    ours, theirs = ("passive", "active") if passive else ("active", "passive")
-    own, soft = (VERMILION, ORANGE) if passive else (BLUE, SKY)
-    other = BLUE if passive else VERMILION
-    tag = f", {ours}" if both else ""
-
-    def output(key: str, signal: str, title: str, y_title: str, per_unit: float, *more: Line) -> Panel:
-        own_lines = (
-            Line(f"measured/{signal}", f"measured{tag}", soft, width=1.4),
-            Line(f"plant/{signal}", f"actual{tag}", own, width=2.2),
-        )
-        return Panel(
-            key,
-            title,
-            y_title,
-            per_unit,
-            (*own_lines, *more),
-            (Line(f"plant/{signal}", f"actual, {theirs}", other, "dashdot"),),
-        )
-
-    def input_(key: str, joint: str, title: str, y_title: str, per_unit: float) -> Panel:
-        own_lines = (
-            Line(f"actuator/command:{joint}", f"reached the plant{tag}", soft, width=1.4, step=True),
-            Line(f"controller/command:{joint}", f"commanded{tag}", own, width=2.2, step=True),
-        )
-        beside = (Line(f"controller/command:{joint}", f"commanded, {theirs}", other, "dashdot", step=True),)
-        return Panel(key, title, y_title, per_unit, own_lines, beside)
-
-    def residual(key: str, kind: str, signal: str, title: str, y_title: str, per_unit: float) -> Panel:
-        own_lines = (
-            Line(f"fault/{signal}", "fault injected", BLACK, "dash", 1.4, step=True),
-            Line(f"fdi/residual/{signal}", "residual", own, width=2.2),
-        )
-        return Panel(key, title, y_title, per_unit, own_lines, fault=kind)
-
+    look = _Look.of(recording, both)
     reference = partial(Line, name="reference", colour=BLACK, dash="dash", width=1.2)
+    p_e, superheat = reference("reference/evaporator_pressure"), reference("reference/superheat")
     panels = [
-        output(
-            "p_e",
-            "evaporator_pressure",
-            "Evaporator pressure",
-            "p<sub>e</sub>, kPa",
-            KPA,
-            reference("reference/evaporator_pressure"),
-        ),
-        output("SH", "superheat", "Superheat", "SH, K", 1.0, reference("reference/superheat")),
-        input_("N", "compressor", "Compressor speed", "N, rpm", RPM),
-        input_("valve", "expansion_valve", "Expansion valve", "opening, %", 0.01),
-        residual(
-            "r_N",
-            "compressor_speed",
-            "compressor_speed:compressor",
-            "Residual of the compressor speed",
-            "r<sub>N</sub>, rpm",
-            RPM,
-        ),
-        residual(
-            "r_p",
-            "evaporator_pressure",
-            "evaporator_pressure",
-            "Residual of the pressure sensor",
-            "r<sub>p</sub>, kPa",
-            KPA,
-        ),
+        look.output("p_e", "evaporator_pressure", "Evaporator pressure", "p<sub>e</sub>, kPa", KPA, p_e),
+        look.output("SH", "superheat", "Superheat", "SH, K", 1.0, superheat),
+        look.input("N", "compressor", "Compressor speed", "N, rpm", RPM),
+        look.input("valve", "expansion_valve", "Expansion valve", "opening, %", 0.01),
+        *(look.residual(fault) for fault in ISOLABLE),
+        *(_without_filter(fault) for fault in _unfiltered(recording)),
     ]
     if _acts(recording, "compensator/q:compressor") or _acts(recording, "compensator/q:expansion_valve"):
-        for key, joint, title, y_title, per_unit, least in (
-            ("q_N", "compressor", "Compensator, compressor speed", "q<sub>N</sub>, rpm", RPM, 1.0),
-            ("q_valve", "expansion_valve", "Compensator, valve", "q<sub>valve</sub>, %", 0.01, 0.1),
-        ):
-            q = Line(f"compensator/q:{joint}", f"q{tag}", own, width=2.2, step=True)
-            panels.append(Panel(key, title, y_title, per_unit, (q,), least_range=least))
-    panels.append(output("T_w", "wall_temperature", "Wall temperature", "T<sub>w</sub>, °C", 1.0))
-    p_c = Line("plant/condenser_pressure", f"actual{tag}", own, width=2.2)
-    p_c_beside = Line("plant/condenser_pressure", f"actual, {theirs}", other, "dashdot")
-    panels.append(Panel("p_c", "Condenser pressure", "p<sub>c</sub>, kPa", KPA, (p_c,), (p_c_beside,), least_range=1.0))
+        title, y_title = "Compensator, compressor speed", "q<sub>N</sub>, rpm"
+        panels.append(look.q("q_N", "compressor", title, y_title, RPM, 1.0))
+        panels.append(
+            look.q("q_valve", "expansion_valve", "Compensator, valve", "q<sub>valve</sub>, %", 0.01, 0.1),
+        )
+    panels.append(look.output("T_w", "wall_temperature", "Wall temperature", "T<sub>w</sub>, °C", 1.0))
+    p_c = Line("plant/condenser_pressure", f"actual{look.tag}", look.own, width=2.2)
+    beside = Line("plant/condenser_pressure", f"actual, {look.theirs}", look.other, "dashdot")
+    panels.append(Panel("p_c", "Condenser pressure", "p<sub>c</sub>, kPa", KPA, (p_c,), (beside,), least_range=1.0))
     if _varies(recording, "scenario/air:evaporator_air"):
         flow = Line("scenario/air:evaporator_air", "air flow", GREEN, step=True)
         panels.append(Panel("air_flow", "Evaporator air flow", "m<sub>ea</sub>, kg/s", 1.0, (flow,), least_range=0.001))
@@ -198,6 +192,32 @@ def panels_of(recording: Recording, both: bool) -> list[Panel]:
         inlet = Line("scenario/air_inlet_temperature", "air inlet", GREEN, step=True)
         panels.append(Panel("air_inlet", "Evaporator air inlet", "T<sub>ea</sub>, °C", 1.0, (inlet,)))
     return panels
+
+
+def story_of(recording: Recording) -> tuple[str, ...]:
+    """List the panels that tell what the faults of a run do: `STORY`, and those that no filter is for."""
+    return (*STORY, *(fault.kind for fault in _unfiltered(recording)))
+
+
+def subscripted(symbol: str) -> str:
+    """Return a symbol such as ``f_N`` as HTML: the part after the line below it."""
+    letter, _, index = symbol.partition("_")
+    return f"{letter}<sub>{index}</sub>"
+
+
+def _injected(fault: Fault) -> Line:
+    return Line(truth_of(fault.kind), "fault injected", BLACK, "dash", 1.4, step=True)
+
+
+def _without_filter(fault: Fault) -> Panel:
+    """Return the panel of a fault that has no residual."""
+    title, y_title = f"Fault of the {fault.name}", f"{subscripted(fault.symbol)}, {fault.unit}"
+    return Panel(fault.kind, title, y_title, fault.si, (_injected(fault),))
+
+
+def _unfiltered(recording: Recording) -> list[Fault]:
+    """List the faults of a run that no filter is for."""
+    return [fault for fault in FAULTS if not fault.has_filter and _acts(recording, truth_of(fault.kind))]
 
 
 def around(fault_onset_s: float) -> tuple[float, float]:
@@ -273,7 +293,7 @@ def _curves(
 
 
 def _thresholds(recording: Recording, panel: Panel) -> list[Curve]:
-    index = FAULTS.index(panel.fault or "")
+    index = ISOLABLE_KINDS.index(panel.fault or "")
     times = np.array([row.time_s for row in recording.status])
     threshold = np.array([row.thresholds[index] for row in recording.status]) / panel.per_unit
     changes = np.concatenate([[True], np.diff(threshold) != 0.0])
@@ -327,7 +347,7 @@ def _range(
     low, high = float(values.min()), float(values.max())
     least = max(panel.least_range, 1e-3 * abs(high))
     if panel.fault is not None and recording.status:
-        threshold = recording.status[-1].thresholds[FAULTS.index(panel.fault)] / panel.per_unit
+        threshold = recording.status[-1].thresholds[ISOLABLE_KINDS.index(panel.fault)] / panel.per_unit
         low, high = min(low, -threshold), max(high, threshold)
     return spaced(low, high, least)
 
@@ -339,4 +359,4 @@ def _varies(recording: Recording, key: str) -> bool:
 
 
 def _acts(recording: Recording, key: str) -> bool:
-    return bool(np.nan_to_num(recording.series[key]).any())
+    return key in recording.series and bool(np.nan_to_num(recording.series[key]).any())

@@ -127,10 +127,11 @@ def _same_programme(recording: "Recording", other: "Recording") -> bool:
     """Whether faults and references of a recording are those of the other run, as far as they were recorded."""
     import numpy as np
 
+    from ac_common.faults import FAULTS
+    from ac_common.signals import Reference, topics_of
     from ac_common.topics import BY_NAME
 
-    faults = ("fault/compressor_speed", "fault/evaporator_pressure")
-    references = ("reference/evaporator_pressure", "reference/superheat")
+    faults, references = tuple(fault.truth_topic for fault in FAULTS), topics_of("reference", Reference)
     for key in (key for name in faults + references for key in BY_NAME[name].series):
         values = recording.series[key]
         planned = other.series[key][: len(values)]

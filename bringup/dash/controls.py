@@ -1,17 +1,17 @@
 """The page's controls: every widget knows its unit and its limits, which are those of the nodes' parameters."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Literal
 
 from bokeh.models.widgets import Button, RadioButtonGroup, Select, Spinner
 
 from ac_common.fault_profiles import PROFILE_KEYS, PROFILES
-from ac_common.topics import COMPENSATOR, FAULTS, SCENARIO
-from ac_common.units import KPA, RPM
-from bringup.dash.link import Link, View
+from ac_common.faults import Fault
+from ac_common.topics import COMPENSATOR, SCENARIO
+from ac_common.units import KPA
+from bringup.dash.link import Link
+from bringup.dash.view import View
 from bringup.nodes.scenario import OFFSETS
-from fault_injector_node.node import PARAMETERS as INJECTOR_PARAMETERS
 
 POINTS = ("low", "med", "high")
 
@@ -29,23 +29,6 @@ input, select { min-height: 30px; font-size: 14px; color: #1a1a1a; border-color:
 """
 
 
-@dataclass(frozen=True)
-class FaultKind:
-    """A fault as the page offers it: symbol, what it is, unit, SI of one unit, a size to begin with."""
-
-    fault: str
-    symbol: str
-    what: str
-    parameter: str
-    unit: str
-    si: float
-    size: float
-
-
-FAULT_KINDS = (
-    FaultKind(FAULTS[0], "f_N", "compressor speed", "size_rad_s", "rpm", RPM, 40.0),
-    FaultKind(FAULTS[1], "f_p", "pressure reading", "size_pa", "kPa", KPA, 5.0),
-)
 #: Live changes as the page offers them, in the order of `OFFSETS`: name, unit, SI of one unit, step.
 CHANGES = (
     ("change_p_e", "p_e reference, kPa", KPA, 1.0),
@@ -53,8 +36,6 @@ CHANGES = (
     ("change_air_flow", "air mass flow, %", 1.0, 5.0),
     ("change_air_inlet", "air inlet, K", 1.0, 1.0),
 )
-
-_LIMITS = {parameter.name: parameter for parameter in (*INJECTOR_PARAMETERS, *OFFSETS)}
 
 
 def _spinner(name: str, title: str, value: float, low: float, high: float, step: float) -> Spinner:
@@ -75,33 +56,28 @@ def _button(name: str, label: str, act: Callable[[], None], kind: Literal["defau
 class FaultControl:
     """Size, shape, and the button that starts and stops one fault."""
 
-    def __init__(self, kind: FaultKind, link: Link) -> None:
-        self._kind, self._link = kind, link
+    def __init__(self, fault: Fault, link: Link) -> None:
+        self._fault, self._link = fault, link
         self._active = False
-        limits = _LIMITS[f"{kind.fault}.{kind.parameter}"]
-        assert limits.low is not None
-        assert limits.high is not None
-        self._size = _spinner(
-            f"size_{kind.symbol}", f"size, {kind.unit}", kind.size, _round(limits.low / kind.si),
-            _round(limits.high / kind.si), 1.0,
-        )  # fmt: skip
+        most = _round(fault.largest_live_si / fault.si)
+        self._size = _spinner(f"size_{fault.symbol}", f"size, {fault.unit}", fault.typical, -most, most, 1.0)
         shapes: list[Any] = list(PROFILES)
         self._profile = Select(
-            name=f"profile_{kind.symbol}", title="shape", value=PROFILES[0], options=shapes,
+            name=f"profile_{fault.symbol}", title="shape", value=PROFILES[0], options=shapes,
             sizing_mode="stretch_width", margin=0, stylesheets=[STYLE],
         )  # fmt: skip
-        self._time = _spinner(f"time_{kind.symbol}", "time, s", 60.0, 0.1, 86400.0, 10.0)
+        self._time = _spinner(f"time_{fault.symbol}", "time, s", 60.0, 0.1, 86400.0, 10.0)
         self._time.visible = False
         self._profile.on_change("value", lambda _attr, _old, _new: self._show_time())
-        self._button = _button(f"inject_{kind.symbol}", f"Inject {kind.symbol}", self._clicked, "primary")
+        self._button = _button(f"inject_{fault.symbol}", f"Inject {fault.symbol}", self._clicked, "primary")
         self.widgets: list[Any] = [self._size, self._profile, self._time, self._button]
         for widget in (self._size, self._profile, self._time):
             widget.on_change("value", lambda _attr, _old, _new: self._follow())
 
     def show(self, view: View) -> None:
         """Look as the graph is."""
-        self._active = self._kind.fault in view.live_faults
-        symbol = self._kind.symbol
+        self._active = self._fault.kind in view.live_faults
+        symbol = self._fault.symbol
         _set(self._button, label=f"Stop {symbol}" if self._active else f"Inject {symbol}")
         _set(self._button, button_type="warning" if self._active else "primary")
         _set(self._button, disabled=view.phase not in ("running", "paused"))
@@ -115,7 +91,7 @@ class FaultControl:
 
     def _clicked(self) -> None:
         if self._active:
-            self._link.stop_fault(self._kind.fault)
+            self._link.stop_fault(self._fault.kind)
         else:
             self._inject()
 
@@ -127,16 +103,16 @@ class FaultControl:
     def _inject(self) -> None:
         problem = _complaint(self._size) or _complaint(self._time)
         if problem or self._size.value is None or self._time.value is None:
-            self._link.say(f"{self._kind.symbol} {problem}", failed=True)
+            self._link.say(f"{self._fault.symbol} {problem}", failed=True)
             return
         values: dict[str, Any] = {
             "profile": self._profile.value,
-            self._kind.parameter: float(self._size.value) * self._kind.si,
+            self._fault.size_parameter: float(self._size.value) * self._fault.si,
         }
         for key in PROFILE_KEYS[self._profile.value]:
             if key.endswith("_s"):
                 values[key] = float(self._time.value)
-        self._link.inject(self._kind.fault, values)
+        self._link.inject(self._fault.kind, values)
 
 
 class ChangeControl:

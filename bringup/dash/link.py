@@ -10,8 +10,6 @@ import threading
 import time
 from collections.abc import Callable, Coroutine, Iterable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, field
-from itertools import zip_longest
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -25,20 +23,17 @@ from rclpy.task import Future
 from std_srvs.srv import SetBool
 
 from ac_common.errors import UserError, one_line
-from ac_common.fdi_status import StatusRow, status_row
-from ac_common.health import BringupReport, HealthReport, InjectorReport, PlantReport, Restart
+from ac_common.fdi_status import status_row
+from ac_common.health import HealthReport
 from ac_common.topics import (
-    BRINGUP,
     BY_NAME,
-    COMPENSATOR,
     DIAGNOSTICS,
-    FAULTS,
     INJECTOR,
     NAMESPACE,
     PAGE,
-    PLANT,
     RECORDER,
     SCENARIO,
+    Topic,
 )
 from ac_common.wire import read_diagnostics, stamp_ns, value_offsets
 from ac_ros_common.client_node import client_node
@@ -47,79 +42,15 @@ from ac_ros_common.messages import message_class
 from ac_ros_common.qos import PLAIN_QOS
 from bringup.dash.reconfigure import reconfigure
 from bringup.dash.rows import TOPIC_NAMES, Rows, threshold_values
+from bringup.dash.view import WATCHED, Heard, View
 from bringup.launch.process_table import ACTIVATION_ORDER
-from bringup.nodes.scenario import OFFSETS
-from fault_injector_node.node import PARAMETERS as INJECTOR_PARAMETERS
 
 #: Never holds a publisher up; deep enough for the bursts of a lockstep run.
 QOS = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
 #: How long the loop's messages are waited for before everything else gets its turn, s.
 WAIT_S = 0.02
-#: A node that has not reported its health for so long is gone, s.
-GONE_S = 3.5
 #: How long a node may take to answer a control, s.
 ANSWER_S = 10.0
-#: Parameters that the page shows, or needs to know what it may offer.
-WATCHED = {
-    PLANT: ("operating_point", "mode", "sample_time_s"),
-    COMPENSATOR: ("accommodate",),
-    SCENARIO: ("scenario", "ramp_s", *(parameter.name for parameter in OFFSETS)),
-    INJECTOR: tuple(parameter.name for parameter in INJECTOR_PARAMETERS if parameter.live),
-}
-
-
-@dataclass(frozen=True)
-class View:
-    """What is going on in the graph, as the page shows it.
-
-    Attributes
-    ----------
-    phase : str
-        ``absent``, ``setting up``, ``running``, ``paused`` or ``over``.
-    message : str
-        What has come of the last control, or what is wrong.
-    failed : bool
-        Whether `message` tells of a failure.
-    """
-
-    phase: str
-    message: str
-    failed: bool
-    point: str
-    mode: str
-    recorded: bool
-    accommodate: bool
-    live_faults: frozenset[str]
-    status: StatusRow | None
-    plant: Mapping[str, str]
-    parameters: Mapping[str, Mapping[str, Any]]
-    restarting: tuple[str, ...]  # nodes that have died and are not back in service
-
-    @property
-    def may_reconfigure(self) -> bool:
-        """Whether operating point and reset are offered: not while somebody records the run at the present one."""
-        return self.phase in ("running", "paused", "over") and not self.recorded
-
-    @property
-    def may_pause(self) -> bool:
-        """Whether to pause, or to go on, is offered: in a bag of the wall clock a pause would be a hole."""
-        return self.phase == "paused" or (self.phase == "running" and not (self.recorded and self.mode == "realtime"))
-
-
-@dataclass
-class _Heard:
-    """What is known of the graph; written by the node's thread."""
-
-    health: dict[str, dict[str, str]] = field(default_factory=dict)
-    heard_s: dict[str, float] = field(default_factory=dict)
-    parameters: dict[str, dict[str, Any]] = field(default_factory=dict)
-    asked: set[str] = field(default_factory=set)
-    status: StatusRow | None = None
-    live_faults: frozenset[str] = frozenset()
-    restarting: tuple[str, ...] = ()
-    restarts: list[str] = field(default_factory=list)  # what bringup has told of them
-    message: str = ""
-    failed: bool = False
 
 
 class Link:
@@ -142,7 +73,7 @@ class Link:
         self.domain = domain
         self._is_starting = is_starting
         self.rows = Rows()
-        self._heard = _Heard()
+        self._heard = Heard()
         self._jobs: queue.SimpleQueue[Coroutine[Any, Any, None]] = queue.SimpleQueue()
         self._turns: list[Any] = []  # what waits for the thread's next turn
         self._moving = False  # whether nodes are being paused or resumed
@@ -157,7 +88,7 @@ class Link:
             kind, group = message_class(topic.type), Gate(is_open=False)
             full = f"{NAMESPACE}/{name}"
             self._loop.add(self._node.create_subscription(kind, full, _nothing, QOS, callback_group=group))
-            self._readers.append(self._read_status if topic.type == DIAGNOSTICS else self._reader(name))
+            self._readers.append(self._read_status if topic.type == DIAGNOSTICS else _reader(topic, self.rows))
         self._node.create_subscription(DiagnosticArray, "/diagnostics", self._hear_health, PLAIN_QOS)
         self._node.create_subscription(ParameterEvent, "/parameter_events", self._hear_parameters, PLAIN_QOS)
         self._clients: dict[str, Any] = {}
@@ -173,43 +104,13 @@ class Link:
     # -- what there is to see -----------------------------------------------------------------------------------
 
     def view(self) -> View:
-        """What is going on now."""
-        heard = self._heard
-        plant = heard.health.get(PLANT, {}) if self._is_there(PLANT) else {}
-        parameters = {name: dict(values) for name, values in heard.parameters.items()}
-        return View(
-            phase=self._phase(plant),
-            message=heard.message,
-            failed=heard.failed,
-            point=str(parameters.get(PLANT, {}).get("operating_point", "")),
-            mode=str(parameters.get(PLANT, {}).get("mode", "")),
-            recorded=self._is_there(RECORDER),
-            accommodate=bool(parameters.get(COMPENSATOR, {}).get("accommodate", False)),
-            live_faults=heard.live_faults,
-            status=heard.status,
-            plant=plant,
-            parameters=parameters,
-            restarting=heard.restarting if self._is_there(BRINGUP) else (),
-        )
+        """Return what is going on now."""
+        sets_up = self._reconfiguring is not None and self._reconfiguring.is_alive()
+        return self._heard.view(sets_up=sets_up, is_starting=self._is_starting)
 
     def say(self, message: str, failed: bool = False) -> None:
         """Let the page show a line."""
-        self._heard.message, self._heard.failed = message, failed
-
-    def _is_there(self, name: str) -> bool:
-        return time.monotonic() - self._heard.heard_s.get(name, -GONE_S) < GONE_S
-
-    def _phase(self, plant: Mapping[str, str]) -> str:
-        if self._reconfiguring is not None and self._reconfiguring.is_alive():
-            return "setting up"
-        if not plant:
-            return "setting up" if self._is_starting and PLANT not in self._heard.heard_s else "absent"
-        state, run = HealthReport.read(plant).state, PlantReport.read(plant)
-        if run.finished:
-            return "over"
-        if state == "active":
-            return "running"
-        return "paused" if state == "inactive" and run.tick else "setting up"
+        self._heard.say(message, failed)
 
     # -- controls -----------------------------------------------------------------------------------------------
 
@@ -227,12 +128,12 @@ class Link:
 
     def pause(self) -> None:
         """Stop the plant, which sets the pace for all, then the others, which would go on without it for a while."""
-        names = [name for name in reversed(ACTIVATION_ORDER) if name != RECORDER and self._is_there(name)]
+        names = [name for name in reversed(ACTIVATION_ORDER) if name != RECORDER and self._heard.is_there(name)]
         self._jobs.put(self._transition(names, Transition.TRANSITION_DEACTIVATE, "inactive", "paused"))
 
     def resume(self) -> None:
         """Let all go on, the plant last."""
-        names = [name for name in ACTIVATION_ORDER if name != RECORDER and self._is_there(name)]
+        names = [name for name in ACTIVATION_ORDER if name != RECORDER and self._heard.is_there(name)]
         self._jobs.put(self._transition(names, Transition.TRANSITION_ACTIVATE, "active", "goes on"))
 
     def start_anew(self, point: str) -> None:
@@ -242,7 +143,7 @@ class Link:
             why = "the run is being recorded" if view.recorded else f"the graph is {view.phase}"
             self.say(f"cannot start anew: {why}", failed=True)
             return
-        names = [name for name in self._heard.health if self._is_there(name)]
+        names = [name for name in self._heard.health if self._heard.is_there(name)]
         self._reconfiguring = threading.Thread(
             target=self._start_anew, args=(names, point, view.parameters), name="reconfigure", daemon=True
         )
@@ -364,24 +265,6 @@ class Link:
             self._readers[number](data)
         return False
 
-    def _reader(self, name: str) -> Callable[[bytes], None]:
-        """Make the function that adds a message of one topic to the rows."""
-        topic = BY_NAME[name]
-        offsets: list[int] = []
-        length = 0
-
-        def read(data: bytes) -> None:
-            nonlocal offsets, length
-            if len(data) != length:  # the first one, or one from somebody else
-                try:
-                    offsets, length = value_offsets(topic, data), len(data)
-                except (ValueError, IndexError):
-                    return
-            values = [struct.unpack_from("<d", data, offset)[0] for offset in offsets]
-            self.rows.add(stamp_ns(data), dict(zip(topic.series, values, strict=True)))
-
-        return read
-
     def _read_status(self, data: bytes) -> None:
         try:
             time_ns = stamp_ns(data)
@@ -396,27 +279,8 @@ class Link:
             name = status.name.rsplit("/", 1)[-1]
             if status.name != f"{NAMESPACE}/{name}":
                 continue
-            if not self._is_there(name):
-                self._heard.asked.discard(name)  # it has just come: its parameters may be others
-            self._heard.health[name] = {item.key: item.value for item in status.values}
-            self._heard.heard_s[name] = time.monotonic()
-            if name == BRINGUP:
-                self._hear_of_restarts(BringupReport.read(self._heard.health[name]).restarts)
-            if name == INJECTOR:
-                said = InjectorReport.read(self._heard.health[name]).live_faults
-                self._heard.live_faults = frozenset(said) & frozenset(FAULTS)
-            if name in WATCHED and name not in self._heard.asked:
-                self._heard.asked.add(name)
+            if self._heard.hear_health(name, {item.key: item.value for item in status.values}):
                 self._jobs.put(self._get(name))
-
-    def _hear_of_restarts(self, restarts: tuple[Restart, ...]) -> None:
-        self._heard.restarting = tuple(restart.node for restart in restarts if not restart.is_back)
-        told = [f"{restart.node} {restart}" for restart in restarts]
-        if told != self._heard.restarts:
-            new = next(new for new, old in zip_longest(told, self._heard.restarts) if new != old)
-            self._heard.restarts = told
-            if new is not None:
-                self.say(new)
 
     def _hear_parameters(self, event: ParameterEvent) -> None:
         name = event.node.rsplit("/", 1)[-1]
@@ -430,3 +294,21 @@ class Link:
 
 def _nothing(message: Any) -> None:
     """Stand in as the callback of a subscription from which `Subscriptions` takes."""
+
+
+def _reader(topic: Topic, rows: Rows) -> Callable[[bytes], None]:
+    """Make the function that adds a message of one topic to the rows."""
+    offsets: list[int] = []
+    length = 0
+
+    def read(data: bytes) -> None:
+        nonlocal offsets, length
+        if len(data) != length:  # the first one, or one from somebody else
+            try:
+                offsets, length = value_offsets(topic, data), len(data)
+            except (ValueError, IndexError):
+                return
+        values = [struct.unpack_from("<d", data, offset)[0] for offset in offsets]
+        rows.add(stamp_ns(data), dict(zip(topic.series, values, strict=True)))
+
+    return read

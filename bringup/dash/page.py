@@ -12,13 +12,14 @@ from bokeh.models import ColumnDataSource, CustomJS
 from bokeh.models.widgets import Div, RadioButtonGroup
 from jinja2 import Environment, FileSystemLoader
 
+from ac_common.faults import FAULTS, ISOLABLE, UNKNOWN, in_unit
 from ac_common.health import PlantReport
-from ac_common.topics import FAULTS
-from ac_common.units import FAULT_UNITS, KPA
-from bringup.dash.controls import FAULT_KINDS, STYLE, ChangeControl, FaultControl, RunControl
+from ac_common.units import KPA
+from bringup.dash.controls import STYLE, ChangeControl, FaultControl, RunControl
 from bringup.dash.cycle import corners, subcooled_enthalpy
-from bringup.dash.link import Link, View
+from bringup.dash.link import Link
 from bringup.dash.plots import (
+    TIME_PLOTS,
     cycle_columns,
     cycle_plot,
     cycle_source,
@@ -29,6 +30,7 @@ from bringup.dash.plots import (
     zone_source,
 )
 from bringup.dash.rows import MOST_ROWS, ROW_PERIOD_S, WINDOW_S, columns_of
+from bringup.dash.view import View
 
 #: Time between two updates, ms.
 UPDATE_MS = 100
@@ -78,6 +80,8 @@ def make_page(link: Link, problem: Callable[[], str]) -> Callable[[Document], No
         document.title = "acftc live"
         document.template = template
         document.template_variables["keys"] = {key.name: key for key in keys()}
+        document.template_variables["plots"] = [plot.name for plot in TIME_PLOTS]
+        document.template_variables["faults"] = FAULTS
         page = _Page(link, problem)
         with document.models.freeze():  # Bokeh would look through all models again with each root: seconds
             for root in page.roots:
@@ -122,7 +126,7 @@ class _Page:
             for name in ("lamps", "readouts", "said")
         )
         self._controls: list[FaultControl | ChangeControl | RunControl] = [
-            *(FaultControl(kind, link) for kind in FAULT_KINDS),
+            *(FaultControl(fault, link) for fault in FAULTS),
             ChangeControl(link),
             RunControl(link),
         ]
@@ -209,12 +213,12 @@ def lamps(view: View, problem: str) -> str:
     detected = status is not None and status.detected
     parts.append(_lamp("detected", detected, "warn", "fault detected" if detected else "no fault detected"))
     isolated = {status.isolated, status.also_isolated} if status is not None else set()
-    for fault, symbol, what in zip(FAULTS, ("f_N", "f_p"), ("compressor", "pressure sensor"), strict=True):
-        words = f"{symbol} {what}"
-        if status is not None and status.isolated == fault:
-            unit, si = FAULT_UNITS[fault]
-            words += f": {status.size / si:+.1f} {unit}"
-        parts.append(_lamp(f"isolated_{symbol}", fault in isolated, "bad", words))
+    for fault in ISOLABLE:
+        words = f"{fault.symbol} {fault.name}"
+        if status is not None and status.isolated == fault.kind:
+            words += f": {in_unit(fault.kind, status.size):+.1f} {fault.unit}"
+        parts.append(_lamp(f"isolated_{fault.symbol}", fault.kind in isolated, "bad", words))
+    parts.append(_lamp("isolated_unknown", UNKNOWN in isolated, "bad", "another fault"))
     words = "accommodation on" if view.accommodate else "accommodation off"
     parts.append(_lamp("accommodating", view.accommodate, "good", words))
     return f'<div class="lamps" role="status">{"".join(parts)}</div>'

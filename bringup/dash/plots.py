@@ -18,10 +18,11 @@ from bokeh.models import (
 from bokeh.models.annotations import LabelSet
 from bokeh.plotting import figure
 
+from ac_common.faults import FAULTS, Fault
 from ac_common.units import KPA
 from ac_experiments.report.charts import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILION
 from bringup.dash.cycle import Corners, dome
-from bringup.dash.rows import WINDOW_S
+from bringup.dash.rows import WINDOW_S, threshold_column
 
 PALE = "#D9D9D9"
 FONT = "system-ui, sans-serif"
@@ -60,20 +61,31 @@ def _controlled(stem: str) -> tuple[Line, ...]:
     )
 
 
-def _residual(letter: str) -> tuple[Line, ...]:
-    return (
-        Line(f"f_{letter}", "injected", VERMILION, "dashed"),
-        Line(f"residual_{letter}", "residual", BLUE),
-        Line(f"threshold_{letter}", "threshold", GREY, "dotdash", 1.2),
-        Line(f"threshold_{letter}_low", "threshold", GREY, "dotdash", 1.2),
-    )
+def _fault(fault: Fault) -> TimePlot:
+    """Return the plot of a fault: what is injected, and what is estimated of it where a filter does."""
+    lines = [Line(fault.symbol, "injected", VERMILION, "dashed")]
+    least, digits = fault.typical / 5.0, "0.0" if fault.typical > 10.0 else "0.00"
+    if not fault.has_filter:
+        return TimePlot(fault.kind, f"Fault {fault.symbol}, {fault.unit}", tuple(lines), least, digits)
+    threshold = threshold_column(fault)
+    lines += [
+        Line(fault.residual_symbol, "residual", BLUE),
+        Line(threshold, "threshold", GREY, "dotdash", 1.2),
+        Line(f"{threshold}_low", "threshold", GREY, "dotdash", 1.2),
+    ]
+    return TimePlot(fault.kind, f"Residual {fault.symbol}, {fault.unit}", tuple(lines), least, digits)
 
 
+_FAULTS = {fault.kind: _fault(fault) for fault in FAULTS}
+_FIRST = ("evaporator_pressure", "compressor_speed")
+"""Faults whose plots stand beside those of pressure and superheat; those of the others come at the end."""
+
+#: In the order in which the page shows them, two in a row.
 TIME_PLOTS = (
     TimePlot("p_e", "Pressure p_e, kPa", _controlled("p_e"), 4.0),
-    TimePlot("residual_p", "Residual f_p, kPa", _residual("p"), 1.0),
+    _FAULTS[_FIRST[0]],
     TimePlot("superheat", "Superheat SH, K", _controlled("superheat"), 2.0),
-    TimePlot("residual_n", "Residual f_N, rpm", _residual("n"), 10.0, "0.0"),
+    _FAULTS[_FIRST[1]],
     TimePlot(
         "speed",
         "Compressor speed, rpm",
@@ -89,6 +101,7 @@ TIME_PLOTS = (
         1.0,
     ),
     TimePlot("air", "Air mass flow, g/s", (Line("air_flow", "evaporator", GREEN),), 5.0, "0.0"),
+    *(plot for kind, plot in _FAULTS.items() if kind not in _FIRST),
 )
 
 

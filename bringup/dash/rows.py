@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from ac_common.faults import FAULTS, ISOLABLE, ISOLABLE_KINDS, Fault
 from ac_common.fdi_status import StatusRow
-from ac_common.topics import AIR, COMPRESSOR, FAULTS, VALVE
+from ac_common.topics import AIR, COMPRESSOR, VALVE, residual_of, truth_of
 from ac_common.units import KPA, RPM
 
 #: Least time between two rows, s: more often nobody can see.
@@ -33,6 +34,12 @@ BACK_S = 5.0
 #: So are those that go on by more than this, s: from a lockstep run's zero to the wall clock.
 ON_S = 30 * 86400.0
 
+
+def threshold_column(fault: Fault) -> str:
+    """Return the column of a residual's threshold; that on the other side of zero ends in ``_low``."""
+    return f"threshold_{fault.residual_symbol}"
+
+
 #: What the page shows: column, the series it is from (a topic, or ``topic:joint``), and how much of SI one unit is.
 COLUMNS = (
     ("p_e", "plant/evaporator_pressure", KPA),
@@ -49,12 +56,9 @@ COLUMNS = (
     ("valve", f"controller/command:{VALVE}", 0.01),
     ("air_flow", f"scenario/air:{AIR}", 0.001),
     ("air_inlet", "scenario/air_inlet_temperature", 1.0),
-    ("f_n", f"fault/compressor_speed:{COMPRESSOR}", RPM),
-    ("f_p", "fault/evaporator_pressure", KPA),
-    ("residual_n", f"fdi/residual/compressor_speed:{COMPRESSOR}", RPM),
-    ("residual_p", "fdi/residual/evaporator_pressure", KPA),
-    ("threshold_n", f"fdi/status:{FAULTS[0]}", RPM),
-    ("threshold_p", f"fdi/status:{FAULTS[1]}", KPA),
+    *((fault.symbol, truth_of(fault.kind), fault.si) for fault in FAULTS),
+    *((fault.residual_symbol, residual_of(fault.kind), fault.si) for fault in ISOLABLE),
+    *((threshold_column(fault), f"fdi/status:{fault.kind}", fault.si) for fault in ISOLABLE),
 )
 #: Columns of a row, in order; `t` is the time since the first stamp of the run, s.
 NAMES = ("t", *(name for name, _, _ in COLUMNS))
@@ -68,14 +72,14 @@ Row = tuple[float, ...]
 
 def threshold_values(status: StatusRow) -> dict[str, float]:
     """Give what a detector's decision adds to a row."""
-    return {f"fdi/status:{fault}": limit for fault, limit in zip(FAULTS, status.thresholds, strict=True)}
+    return {f"fdi/status:{kind}": limit for kind, limit in zip(ISOLABLE_KINDS, status.thresholds, strict=True)}
 
 
 def columns_of(rows: list[Row]) -> dict[str, Any]:
     """Rows as one array a column, as a plot wants them; the thresholds on both sides of zero."""
     table = np.array(rows, dtype=np.float64).reshape(len(rows), len(NAMES))
     columns = {name: table[:, i] for i, name in enumerate(NAMES)}
-    for name in ("threshold_n", "threshold_p"):
+    for name in map(threshold_column, ISOLABLE):
         columns[f"{name}_low"] = -columns[name]
     return columns
 

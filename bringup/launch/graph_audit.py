@@ -1,11 +1,11 @@
 """What of a graph is to be seen over ROS: whether its nodes have found each other, and what does not belong there."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from typing import Any
 
-from ac_common.health import HealthReport
 from ac_common.topics import BRINGUP, NAMESPACE, OCCASIONAL, PAGE, PLANT, RECORDER, TOPICS, Topic
 from ac_ros_common.type_definitions import type_hash
+from bringup.launch.reports import Reports
 
 
 class GraphAudit:
@@ -24,9 +24,7 @@ class GraphAudit:
         found.
     """
 
-    def __init__(
-        self, node: Any, names: Collection[str], users: Collection[str], health: Mapping[str, Mapping[str, str]]
-    ) -> None:
+    def __init__(self, node: Any, names: Collection[str], users: Collection[str], health: Reports) -> None:
         self._node, self._names, self._users, self._health = node, names, users, health
 
     def is_connected(self, name: str) -> bool:
@@ -35,9 +33,9 @@ class GraphAudit:
             reads = sum(self._reads(name, topic) for topic in (*TOPICS, *OCCASIONAL))
             if not self.reports(name):
                 return self.publishes_all(name)
-            if reads < (self._report(name).subscriptions or 0):
+            if reads < (self._health.of(name).subscriptions or 0):
                 return False  # not all of them have been discovered here
-        readers = self._report(name).subscribers
+        readers = self._health.of(name).subscribers
         return all(readers.get(topic, 0) >= n + self._others_readers(topic) for topic, n in self._wanted(name).items())
 
     def reports(self, name: str) -> bool:
@@ -108,12 +106,9 @@ class GraphAudit:
             for topic in TOPICS
             if topic.publisher == name
         }
-        if name == PLANT and "clock" in self._report(name).subscribers:
+        if name == PLANT and "clock" in self._health.of(name).subscribers:
             wanted["clock"] = recorded
         return wanted
-
-    def _report(self, name: str) -> HealthReport:
-        return HealthReport.read(self._health.get(name, {}))
 
 
 def _is(name: str, endpoint: Any) -> bool:

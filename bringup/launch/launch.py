@@ -157,7 +157,7 @@ def _stop_nodes(children: Mapping[str, Child]) -> None:
 
 def _result(scenario: Scenario, bag: Path, start_seconds: float, domain: int, supervisor: "Supervisor") -> GraphRun:
     health = supervisor.health.get(PLANT, {})  # a user's plant may have nothing to say
-    said = supervisor.plant()
+    said = supervisor.health.of_plant()
     return GraphRun(
         bag=bag,
         ticks=scenario.ticks,

@@ -25,7 +25,7 @@ def wait_until_done(supervisor: Supervisor, ticks: int, progress: Callable[[int,
     moved_s = time.monotonic()
     while not _is_finished(supervisor):
         supervisor.spin()
-        tick = supervisor.plant().tick or supervisor.report_of(RECORDER).ticks or 0
+        tick = supervisor.health.of_plant().tick or supervisor.health.of(RECORDER).ticks or 0
         if tick != shown:
             shown, moved_s = tick, time.monotonic()
             if progress is not None:
@@ -36,9 +36,9 @@ def wait_until_done(supervisor: Supervisor, ticks: int, progress: Callable[[int,
             msg = f"the loop has stood still at tick {tick} for {STUCK_S:g} s{_refusals(supervisor)}"
             raise RunError(msg)
     deadline = time.monotonic() + RECORDER_PATIENCE_S
-    while not supervisor.recorder().complete:
+    while not supervisor.health.of_recorder().complete:
         if time.monotonic() > deadline:
-            msg = f"messages are missing in the bag: {supervisor.recorder().missing}"
+            msg = f"messages are missing in the bag: {supervisor.health.of_recorder().missing}"
             raise RunError(msg)
         supervisor.spin()
     if progress is not None:
@@ -47,8 +47,8 @@ def wait_until_done(supervisor: Supervisor, ticks: int, progress: Callable[[int,
 
 def _is_finished(supervisor: Supervisor) -> bool:
     """Whether the plant has had its last tick; when it says nothing, whether the bag has."""
-    plant = supervisor.plant()
-    return plant.finished or (plant.tick is None and supervisor.recorder().complete)
+    plant = supervisor.health.of_plant()
+    return plant.finished or (plant.tick is None and supervisor.health.of_recorder().complete)
 
 
 def _refusals(supervisor: Supervisor) -> str:

@@ -13,14 +13,15 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.parameter import parameter_value_to_python
 
 from ac_common.errors import RunError
-from ac_common.health import BringupReport, HealthReport, PlantReport, RecorderReport, Restart
-from ac_common.topics import BRINGUP, NAMESPACE, PLANT, RECORDER
+from ac_common.health import BringupReport, HealthReport, Restart
+from ac_common.topics import BRINGUP, NAMESPACE, RECORDER
 from ac_ros_common.client_node import client_node
 from ac_ros_common.qos import PLAIN_QOS
 from bringup.launch.graph_audit import GraphAudit
 from bringup.launch.lifecycle_client import LifecycleClient, ParameterRequest
 from bringup.launch.process_table import PROCESSES
 from bringup.launch.processes import Child
+from bringup.launch.reports import Reports
 from bringup.launch.restarts import Restarts, Silence
 from bringup.launch.user_nodes import UserNodes
 
@@ -71,7 +72,7 @@ class Supervisor:
         self._is_running = False
         self._looked_s = 0.0
         self.unexpected: list[str] = []  # what is in the graph and does not belong there
-        self.health: dict[str, dict[str, str]] = {}
+        self.health = Reports()
         # The middleware reads its settings from this process's environment.
         domain = environment.get("ROS_DOMAIN_ID")
         os.environ.update({name: value for name, value in environment.items() if name != "ROS_DOMAIN_ID"})
@@ -119,19 +120,7 @@ class Supervisor:
 
     def state(self, name: str) -> str:
         """Return the life-cycle state of a node as it last reported it; empty as long as it has not."""
-        return self.report_of(name).state
-
-    def report_of(self, name: str) -> HealthReport:
-        """Return what a node has reported last, as every node does; an empty report when it has not."""
-        return HealthReport.read(self.health.get(name, {}))
-
-    def plant(self) -> PlantReport:
-        """Return what the plant has reported last of its own."""
-        return PlantReport.read(self.health.get(PLANT, {}))
-
-    def recorder(self) -> RecorderReport:
-        """Return what the recorder has reported last of its own."""
-        return RecorderReport.read(self.health.get(RECORDER, {}))
+        return self.health.of(name).state
 
     def meet(self, names: Iterable[str]) -> None:
         """Wait until all these nodes, which run already, have reported their state."""
@@ -241,24 +230,24 @@ class Supervisor:
             raise RunError(self._failed(name, "died"))
         if not self._restarts.died(name, now_s):
             raise RunError(self._failed(name, f"died {self._restarts.deaths(name)} times"))
-        pid = self.report_of(name).pid or child.process.pid
+        pid = self.health.of(name).pid or child.process.pid
         self.health.pop(name, None)
         reason = self._silence.died(name) or f"{child.end}: {child.last_words()}"
         # In the time of the run, by the plant's word for when it began on the monotonic clock.
-        run_s = round(time.monotonic() - self.plant().epoch_monotonic_s, 3)
+        run_s = round(time.monotonic() - self.health.of_plant().epoch_monotonic_s, 3)
         self._restarts.add(name, pid, run_s, reason)
         self._say(f"node {name} died ({reason}) and is started again")
 
     def _start_again(self, name: str) -> None:
         assert self._revive is not None
-        first_ns = self.plant().first_ns
+        first_ns = self.health.of_plant().first_ns
         changed = {"run_start_ns": first_ns} if first_ns is not None and name != RECORDER else {}
         self._children[name] = self._revive(name, {**self._changed.get(name, {}), **changed})
         self._report()
 
     def _note_return(self, name: str) -> None:
         """Note that a node that had died works again."""
-        if (self.report_of(name).ticks or 0) > 0:
+        if (self.health.of(name).ticks or 0) > 0:
             for restart in self._restarts.back(name, time.monotonic()):
                 self._say(f"node {name} is back in service after {restart.back_s - restart.died_s:.1f} s")
                 self._report()

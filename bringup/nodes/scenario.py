@@ -11,7 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 from rclpy.parameter import Parameter as RosParameter
 
+from ac_common.faults import FAULTS
 from ac_common.ramp import LiveOffset
+from ac_common.signals import Reference, topics_of
 from ac_common.topics import SCENARIO
 from ac_common.units import KPA
 from ac_experiments.scenario_schema import Air, References, targets_within
@@ -66,12 +68,15 @@ PARAMETERS = (
     Parameter("ramp_s", 0.0, "how long a live change takes, in a straight line; 0: a step", 0.0, 86400.0, live=True),
     *OFFSETS,
 )
+#: Topics of a row of the schedule: references and air, then faults.
+PLAYED = (*topics_of("reference", Reference), "scenario/air", "scenario/air_inlet_temperature")
+SCHEDULES = tuple(fault.schedule_topic for fault in FAULTS)
 #: How long the references go on by themselves when the plant's messages stay away, s.
 HOLD_S = 0.3
 
 
 class ScenarioNode(LoopNode):
-    """Plays the arrays of `ac_experiments.scenario.program`, row by row; the last row stays on."""
+    """Plays the arrays of `ac_experiments.scenario.schedule`, row by row; the last row stays on."""
 
     def __init__(self) -> None:
         super().__init__(SCENARIO, PARAMETERS)
@@ -80,12 +85,12 @@ class ScenarioNode(LoopNode):
 
     def configure(self) -> None:
         """Turn the scenario into rows."""
-        from ac_experiments.scenario import check, load, program
+        from ac_experiments.scenario import check, load, schedule
 
         given = self.value("scenario")
         scenario = check(json.loads(given)) if given.lstrip().startswith("{") else load(given)
         rest = rest_at(scenario.operating_point)
-        plan = program(scenario, rest["inputs"], rest["outputs"])
+        plan = schedule(scenario, rest["inputs"], rest["outputs"])
         # One array, not lists of lists: a run of hours has some hundred thousand rows.
         self._rows = np.hstack([plan.reference, plan.air, plan.faults])
         self._tick_ns = scenario.tick_ns
@@ -104,26 +109,21 @@ class ScenarioNode(LoopNode):
 
     @property
     def sample_time_s(self) -> float:
-        """That of the scenario."""
+        """Sample time of the scenario, s."""
         return self._tick_ns / 1e9
 
     def _play(self, time_ns: int, _p_e: float) -> None:
         if self._start_ns is None:
             self._start_ns = time_ns
         tick = round((time_ns - self._start_ns) / self._tick_ns)
-        *played, f_n, f_p = self._rows[min(tick, len(self._rows) - 1)].tolist()
+        row = self._rows[min(tick, len(self._rows) - 1)].tolist()
+        played, faults = row[: len(PLAYED)], row[len(PLAYED) :]
         more = [offset.value(time_ns / 1e9) for offset in self._offsets.values()]
         more[2] *= self._flow_percent
-        p_e, superheat, mass_flow, inlet = (
-            min(max(value + offset, low), high)
-            for value, offset, (low, high) in zip(played, more, self._allowed, strict=True)
-        )
-        self.send(time_ns, "scenario/fault/compressor_speed", f_n)
-        self.send(time_ns, "scenario/fault/evaporator_pressure", f_p)
-        self.send(time_ns, "reference/evaporator_pressure", p_e)
-        self.send(time_ns, "reference/superheat", superheat)
-        self.send(time_ns, "scenario/air", mass_flow)
-        self.send(time_ns, "scenario/air_inlet_temperature", inlet)
+        for topic, value in zip(SCHEDULES, faults, strict=True):
+            self.send(time_ns, topic, value)
+        for topic, value, offset, (low, high) in zip(PLAYED, played, more, self._allowed, strict=True):
+            self.send(time_ns, topic, min(max(value + offset, low), high))
 
     def _changed(self, parameters: Sequence[RosParameter]) -> None:
         """Begin the live changes that have been asked for."""

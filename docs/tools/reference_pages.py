@@ -9,8 +9,9 @@ from pathlib import Path
 
 import click
 
+from ac_common.faults import ISOLABLE, UNKNOWN, units
 from ac_common.fdi_status import StatusRow
-from ac_common.topics import DIAGNOSTICS, JOINT_FIELD, JOINTS, NAMESPACE, PRESSURE, TOPICS, Topic
+from ac_common.topics import JOINT_FIELD, NAMESPACE, TOPICS
 from ac_common.wire import pack_status, read_diagnostics
 from ac_ros_common.parameters import COMMON, Parameter
 from ac_ros_common.qos import DEADLINE_S, DEPTH
@@ -20,59 +21,15 @@ from docs.tools import scenario_reference
 FOLDER = Path(__file__).parents[2] / "docs" / "reference"
 WRITTEN = "<!-- Written by `python -m docs.tools.reference_pages`; edit {} instead. -->"
 
-#: Meaning of each topic; a topic that is missing here is an error.
-MEANING = {
-    "plant/evaporator_pressure": "p_e, actual",
-    "plant/superheat": "superheat SH, actual: a difference",
-    "plant/wall_temperature": "T_w, wall of the superheated zone, actual",
-    "plant/condenser_pressure": "p_c, actual",
-    "plant/air_inlet_temperature": "air into the evaporator, a measured disturbance",
-    "measured/evaporator_pressure": "p_e with f_p and noise",
-    "measured/superheat": "SH with noise; with a derived superheat, also with the effect of f_p",
-    "measured/wall_temperature": "T_w with noise",
-    "reference/evaporator_pressure": "reference of p_e",
-    "reference/superheat": "reference of SH",
-    "scenario/air": "air mass flow through the evaporator, kg/s",
-    "scenario/air_inlet_temperature": "its temperature",
-    "scenario/fault/compressor_speed": "f_N of the scenario",
-    "scenario/fault/evaporator_pressure": "f_p of the scenario",
-    "controller/command": "u, within its limits",
-    "actuator/command": "what reaches the plant: u with f_N",
-    "fdi/innovation/evaporator_pressure": "f_e, row of p_e",
-    "fdi/innovation/superheat": "f_e, row of SH: a difference",
-    "fdi/innovation/wall_temperature": "f_e, row of T_w: a difference",
-    "fdi/residual/compressor_speed": "r_N, the estimate of f_N",
-    "fdi/residual/evaporator_pressure": "r_p, the estimate of f_p",
-    "fdi/status": "detected, isolated fault, size, onset, thresholds",
-    "compensator/q": "q = Q f_e",
-    "fault/compressor_speed": "f_N, the truth: for evaluation only, no node of the loop reads it",
-    "fault/evaporator_pressure": "f_p, the truth, likewise",
-}
-JOINT_UNIT = {"velocity": "rad/s", "position": "0..1"}
-DIFFERENCES = ("plant/superheat", "measured/superheat", "reference/superheat")
-
-
-def unit(topic: Topic) -> str:
-    """Return the unit of a topic's values in its messages."""
-    if topic.name == "scenario/air":
-        return "kg/s"
-    if topic.type == JOINTS:
-        return ", ".join(f"{joint} {JOINT_UNIT[JOINT_FIELD[joint]]}" for joint in topic.joints)
-    if topic.type == PRESSURE:
-        return "Pa"
-    if topic.type == DIAGNOSTICS:
-        return "see below"
-    return "K" if topic.name in DIFFERENCES or topic.name.startswith("fdi/innovation") else "°C"
-
 
 def topics_page() -> str:
     """Return the content of the page of the topics."""
     rows = [
-        f"| `{t.name}` | {MEANING[t.name]} | {t.type.rpartition('/')[2]}, {unit(t)} | {t.publisher} | "
+        f"| `{t.name}` | {t.meaning} | {t.type.rpartition('/')[2]}, {t.unit} | {t.publisher} | "
         f"{', '.join(t.subscribers) or '–'} |"
         for t in TOPICS
     ]
-    status = read_diagnostics(pack_status(0, StatusRow(0.0, False, None, 0.0, 0.0, 0.0, (0.0, 0.0))))[0]
+    status = read_diagnostics(pack_status(0, StatusRow(0.0, False, None, 0.0, 0.0, 0.0, (0.0,) * len(ISOLABLE))))[0]
     joints = ", ".join(f"`{joint}`: `{field}`" for joint, field in JOINT_FIELD.items())
     return "\n".join(
         [
@@ -100,7 +57,8 @@ def topics_page() -> str:
             f"  one field ({joints}), the rest is NaN.",
             "- `diagnostic_msgs/DiagnosticArray` on `fdi/status`: one status; level 0: nothing is detected, level 1: a",
             f"  fault is; values with the keys {', '.join(f'`{key}`' for key in status.values)}. Sizes and",
-            "  thresholds are in rad/s and Pa, times count from the first tick, nan stands for *not yet*.",
+            f"  thresholds are in {units(ISOLABLE)}, times count from the first tick, nan stands for *not yet*.",
+            f"  A fault that is certainly there and that no filter is for is isolated as `{UNKNOWN}`; it has no size.",
             "",
             "## Quality of service",
             "",

@@ -12,13 +12,13 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from ac_common.fault_profiles import PROFILE_KEYS, unit_profile
+from ac_common.faults import FAULTS, UNKNOWN, Fault, Place
 from ac_experiments.scenario import built_in_scenarios, load
 from ac_experiments.scenario_schema import (
+    FAULT_MODELS,
     Air,
     Change,
-    CompressorSpeedFault,
     ControllerName,
-    EvaporatorPressureFault,
     Noise,
     RamAir,
     References,
@@ -70,8 +70,6 @@ MEANING = {
     "time_constant_s": "drift: time constant; random_walk: time after which its standard deviation is the size",
     "duty_percent": "intermittent: share of the period in which it is there",
     "seed": "makes the random numbers repeatable",
-    "size_rpm": "added to the compressor's speed at the plant",
-    "size_kpa": "added to the measured evaporator pressure",
 }
 
 
@@ -103,20 +101,34 @@ def text() -> str:
         ("air", "Lists of changes from the operating point.", Air),
         ("air: drive cycle", "`{file: sc03.csv}`: a drive in place of changes of the air mass flow.", RamAir),
         ("A change", "`{at_s: 100, to: 5.0, ramp_s: 60}`", Change),
-        ("faults: compressor speed", "f_N, the actuator fault.", CompressorSpeedFault),
-        ("faults: evaporator pressure", "f_p, the sensor fault.", EvaporatorPressureFault),
+        *((f"faults: {fault.kind.replace('_', ' ')}", _remark(fault), FAULT_MODELS[fault.kind]) for fault in FAULTS),
         ("noise", "Standard deviations of Gaussian noise.", Noise),
     )
     for title, remark, model in sections:
         parts += ["", f"## {title}", ""] + ([remark, ""] if remark else [])
         parts += ["| key | allowed | default | meaning |", "|---|---|---|---|"]
         parts += [
-            f"| `{key}` | {_allowed(field)} | {_default(key, field)} | {MEANING[key]} |"
+            f"| `{key}` | {_allowed(field)} | {_default(key, field)} | {_meaning(key, model)} |"
             for key, field in model.model_fields.items()
         ]
     parts += ["", "## Profiles of a fault", "", "| profile | takes besides onset and end |", "|---|---|"]
     parts += [f"| `{name}` | {', '.join(f'`{key}`' for key in keys) or '–'} |" for name, keys in PROFILE_KEYS.items()]
     return "\n".join([*parts, ""])
+
+
+def _remark(fault: Fault) -> str:
+    """Return what the section of a kind of fault begins with."""
+    remark = f"{fault.symbol}, {'an actuator' if fault.place is Place.ACTUATOR else 'a sensor'} fault."
+    return remark if fault.has_filter else f"{remark} No filter is for it: it is isolated as `{UNKNOWN}`, if at all."
+
+
+def _meaning(key: str, model: type[BaseModel]) -> str:
+    """Return what a key means; the size of a fault is said in the registry."""
+    sizes: dict[type[BaseModel], tuple[str, str]] = {
+        FAULT_MODELS[fault.kind]: (fault.size_key, fault.adds) for fault in FAULTS
+    }
+    size_key, adds = sizes.get(model, ("", ""))
+    return adds if key == size_key else MEANING[key]
 
 
 def _allowed(field: FieldInfo) -> str:

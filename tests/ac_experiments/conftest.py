@@ -9,7 +9,7 @@ from ac_common.fdi_status import StatusRow
 from ac_common.topics import SERIES
 from ac_common.units import KPA, RPM
 from ac_experiments.recording import Recording
-from ac_experiments.scenario import check, program
+from ac_experiments.scenario import check, schedule
 from ac_experiments.scenario_schema import Scenario
 
 REST_INPUTS = np.array([1000.0 * RPM, 0.40, 0.10, 30.0])
@@ -21,7 +21,7 @@ def make_recording(scenario: Scenario, passive: bool = False) -> Recording:
 
     The detector sees a fault 3 s after its onset and names it 7 s after.
     """
-    plan = program(scenario, REST_INPUTS, REST_OUTPUTS)
+    plan = schedule(scenario, REST_INPUTS, REST_OUTPUTS)
     series = {key: np.zeros(scenario.ticks) for key in SERIES}
     time_s = plan.time_s
     reference_p, reference_sh = plan.reference.T

@@ -15,7 +15,7 @@ import pytest
 
 from ac_experiments.metrics import summarise
 from ac_experiments.recording import Recording
-from ac_experiments.report.narrative import BAD, GOOD, story
+from ac_experiments.report.narrative import BAD, GOOD, narrative
 from ac_experiments.report.nodes import Report, events_of, health_charts
 from ac_experiments.report.page import render, write_report
 from ac_experiments.scenario import load
@@ -186,11 +186,11 @@ def test_no_passive_run_of_another_plant_beside_it(
     assert companion(run) == (None, note)
 
 
-# ----------------------------------------------------------------------------------------------------- the story
+# ----------------------------------------------------------------------------------------------- the narrative
 
 
 def kinds(summary: dict) -> dict[str, str]:
-    return {sentence.text: sentence.kind for sentence in story(summary)}
+    return {sentence.text: sentence.kind for sentence in narrative(summary)}
 
 
 def test_the_story_of_a_fault_that_was_missed_or_taken_for_another(recording_of: Make):
@@ -210,7 +210,7 @@ def test_the_story_tells_how_the_pressure_fared_with_and_without(recording_of: M
     run, other = recording_of(faults=[SENSOR]), recording_of(passive=True, faults=[SENSOR])
     other.series["plant/evaporator_pressure"][1000:] -= 5e3
     (sentence,) = (
-        one.text for one in story(summarise(run), summarise(other)) if one.text.startswith("The actual evaporator")
+        one.text for one in narrative(summarise(run), summarise(other)) if one.text.startswith("The actual evaporator")
     )
     own, without = sentence.split(". ")
     assert own == (

@@ -13,7 +13,7 @@ from ac_common.errors import UserError
 from ac_common.fault_profiles import PROFILES, unit_profile
 from ac_common.units import KPA, RPM
 from ac_common.yaml_file import yaml_text
-from ac_experiments.scenario import built_in_scenarios, check, load, program, to_yaml
+from ac_experiments.scenario import built_in_scenarios, check, load, schedule, to_yaml
 from ac_experiments.scenario_schema import Scenario
 from fault_injector_node.live import LiveFault, Shape
 
@@ -44,7 +44,7 @@ def test_built_in_scenarios_are_valid_and_survive_a_round_trip(name: str, tmp_pa
 def test_the_papers_experiments_inject_what_the_paper_says():
     actuator, sensor = load("actuator_fault"), load("sensor_fault")
     for scenario, column, size in ((actuator, 0, 40 * RPM), (sensor, 1, 5 * KPA)):
-        plan = program(scenario, INPUTS, OUTPUTS)
+        plan = schedule(scenario, INPUTS, OUTPUTS)
         faulty = plan.faults[:, column] != 0
         assert plan.time_s[faulty][0] == 500.0
         assert np.all(plan.faults[faulty, column] == size)
@@ -60,7 +60,7 @@ def test_a_drive_cycle_becomes_changes_of_the_air_flow(tmp_path: Path):
     file.write_text("time_s,speed_mph\n0,0\n1,0\n2,20\n3,40\n4,40\n5.3,0\n")
     scenario = load("sc03", [f"air.drive_cycle.file={file}", "duration_s=450"])
     assert scenario.air.drive_cycle is None
-    flow = program(scenario, INPUTS, OUTPUTS).air[:, 0] / INPUTS[2]
+    flow = schedule(scenario, INPUTS, OUTPUTS).air[:, 0] / INPUTS[2]
     time_s = [0.0, 1.0, 1.5, 2.0, 3.0, 4.0, 5.3, 400.0]
     expected = [1.0, 1.0, 1.0125, 1.025, 1.1, 1.1, 1.0, 1.0]
     np.testing.assert_allclose(flow[np.rint(np.array(time_s) / 0.1).astype(int)], expected)
@@ -75,7 +75,7 @@ def test_without_its_file_a_drive_cycle_says_where_there_is_one():
 
 def test_time_is_exactly_what_a_stamp_says():
     scenario = load("nominal", ["sample_time_s=0.03"])
-    time_s = program(scenario, INPUTS, OUTPUTS).time_s
+    time_s = schedule(scenario, INPUTS, OUTPUTS).time_s
     for k in (0, 1, 7, 333, scenario.ticks - 1):
         stamp_ns = k * 30_000_000
         assert time_s[k] == stamp_ns / 1e9
@@ -90,7 +90,7 @@ def test_references_and_air_are_changes_from_the_operating_point():
             "air": {"mass_flow_percent": [{"at_s": 30, "to": -20}], "inlet_temperature_k": [{"at_s": 40, "to": 3}]},
         }
     )
-    plan = program(scenario, INPUTS, OUTPUTS)
+    plan = schedule(scenario, INPUTS, OUTPUTS)
 
     def at(array: np.ndarray, time_s: float) -> float:
         return array[round(time_s / 0.1)]
@@ -193,7 +193,7 @@ def test_whatever_the_file_holds_the_answer_is_a_scenario_or_one_line(content: d
     scenario, line = attempt(check, content)
     assert "\n" not in line
     if scenario is not None:
-        plan = program(scenario.model_copy(update={"duration_s": min(scenario.duration_s, 10.0)}), INPUTS, OUTPUTS)
+        plan = schedule(scenario.model_copy(update={"duration_s": min(scenario.duration_s, 10.0)}), INPUTS, OUTPUTS)
         assert np.isfinite(plan.reference).all()
         assert np.isfinite(plan.air).all()
 
@@ -239,7 +239,7 @@ def test_faults_of_a_kind_may_not_be_more_together_than_one_may_be():
 
 def test_a_random_walk_stays_within_the_largest_fault():
     fault = "faults=[{kind: compressor_speed, size_rpm: 900, onset_s: 0, profile: random_walk, time_constant_s: 1}]"
-    plan = program(load("nominal", [fault]), INPUTS, OUTPUTS)
+    plan = schedule(load("nominal", [fault]), INPUTS, OUTPUTS)
     assert np.abs(plan.faults[:, 0]).max() == pytest.approx(1000 * RPM)
 
 

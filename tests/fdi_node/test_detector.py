@@ -6,8 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ac_common.topics import FAULTS
-from fdi_node.detector import Detection, FaultDetector, FdiDesign, Supervision
+from ac_common.faults import ISOLABLE_KINDS as FAULTS
+from fdi_node.decision import JumpRule, Supervision
+from fdi_node.detector import Detection, FaultDetector, FdiDesign
+
+#: The readings are the residuals here, and jump as a superheat cannot.
+NO_JUMPS = JumpRule(smallest=(math.inf, math.inf, math.inf))
 
 
 def detector(**rules: float) -> FaultDetector:
@@ -25,6 +29,7 @@ def detector(**rules: float) -> FaultDetector:
         thresholds=np.ones(2),
         sample_time_s=0.1,
         supervision=Supervision(**rules),
+        jump_rule=NO_JUMPS,
     )
     return FaultDetector(design)
 
@@ -64,7 +69,7 @@ def test_a_short_peak_is_not_a_fault() -> None:
 
 
 def test_two_residuals_alike_are_two_faults_but_not_at_once() -> None:
-    seen = feed(detector(lead=1.5, undecided_s=5.0), [(3.0, 2.5)] * 200)
+    seen = feed(detector(isolation_ratio=1.5, undecided_s=5.0), [(3.0, 2.5)] * 200)
     assert all(d.detected and d.isolated is None for d in seen[10:50])
     assert {seen[-1].isolated, seen[-1].also_isolated} == set(FAULTS)
 

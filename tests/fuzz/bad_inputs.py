@@ -37,7 +37,7 @@ from ac_experiments.bags.comparison import by_tick
 from ac_experiments.bags.reader import health_reports, read_bag, read_raw, run_of
 from ac_experiments.bags.recorder import BagWriter, RecordedTopic
 from ac_experiments.metrics import summarise
-from ac_experiments.scenario import BUILT_IN, load, program
+from ac_experiments.scenario import BUILT_IN, load, schedule
 from ac_plant_node import load_parameters
 from ac_plant_node.drive_cycle import load_drive_cycle
 from bringup import cli
@@ -94,7 +94,7 @@ def read_override(file: Path) -> None:
 
 def _play(scenario: Any) -> None:
     short = scenario.model_copy(update={"duration_s": min(scenario.duration_s, 5.0)})
-    plan = program(short, np.array([100.0, 0.4, 0.1, 30.0]), np.array([2.5e5, 20.0, 15.0, 1.3e6]))
+    plan = schedule(short, np.array([100.0, 0.4, 0.1, 30.0]), np.array([2.5e5, 20.0, 15.0, 1.3e6]))
     for array in (plan.reference, plan.air, plan.faults):
         assert np.isfinite(array).all(), "an accepted scenario gives numbers that are not finite"
 

@@ -7,7 +7,7 @@ import pytest
 
 from ac_common.topics import SCENARIO
 from bringup.dash.controls import CHANGES, ChangeControl
-from bringup.dash.link import View
+from bringup.dash.view import View
 from bringup.nodes.scenario import OFFSETS
 
 #: Name of the parameter, and position among the controls.

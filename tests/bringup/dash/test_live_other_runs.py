@@ -41,7 +41,7 @@ def test_a_plant_of_your_own(browser: Browser, own_plant: Path) -> None:
         is_lit(page, "isolated_f_N")
         click(page, "Reset")
         expect(page.locator(".said")).to_have_text("started anew at the operating point med")
-        until(lambda: newest(page, "f_n") == 0.0, "the fault is still there")
+        until(lambda: newest(page, "f_N") == 0.0, "the fault is still there")
         until(lambda: math.isclose(newest(page, "p_e"), 265.0, abs_tol=0.5), "not the car's medium point any more")
 
 

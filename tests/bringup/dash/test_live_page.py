@@ -59,21 +59,21 @@ def stands_still(page: Page) -> bool:
 def test_a_fault_injected_by_a_click_lights_the_lamps_and_shows_in_the_residual(page: Page) -> None:
     is_out(page, "detected")
     is_out(page, "isolated_f_N")
-    threshold = newest(page, "threshold_n")
-    assert abs(newest(page, "residual_n")) < threshold
+    threshold = newest(page, "threshold_r_N")
+    assert abs(newest(page, "r_N")) < threshold
     page.get_by_label("size, rpm").fill("60")
     page.get_by_label("size, rpm").press("Enter")
     click(page, "Inject f_N")
     is_lit(page, "detected")
     is_lit(page, "isolated_f_N")
     is_out(page, "isolated_f_p")
-    assert math.isclose(newest(page, "f_n"), 60.0)
-    until(lambda: newest(page, "residual_n") > 30.0, "the residual does not grow")
+    assert math.isclose(newest(page, "f_N"), 60.0)
+    until(lambda: newest(page, "r_N") > 30.0, "the residual does not grow")
     expect(page.get_by_role("button", name="Stop f_N")).to_be_visible()
     row = newest_row(page)
     assert row["speed_actual"] - row["speed"] == pytest.approx(60.0, abs=1e-6)
     click(page, "Stop f_N")
-    until(lambda: newest(page, "f_n") == 0.0, "the fault does not end")
+    until(lambda: newest(page, "f_N") == 0.0, "the fault does not end")
 
 
 def test_references_and_air_follow_what_is_typed(page: Page) -> None:
@@ -141,7 +141,7 @@ def test_a_dead_node_is_started_again_and_the_page_says_so(page: Page) -> None:
     until(lambda: page.locator(".said").inner_text().startswith("fdi died (SIGKILL"), "nobody tells of it")
     expect(page.locator(".said")).to_have_text(re.compile(r"was started again; back in service \d+\.\d s later$"))
     expect(lamp(page, "phase")).to_have_text("running")
-    until(lambda: math.isfinite(newest(page, "residual_n")), "no residual comes")
+    until(lambda: math.isfinite(newest(page, "r_N")), "no residual comes")
     click(page, "Inject f_p")
     is_lit(page, "isolated_f_p")
     click(page, "Stop f_p")

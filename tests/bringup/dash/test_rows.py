@@ -111,6 +111,6 @@ def test_a_message_that_is_late_begins_nothing() -> None:
 
 
 def test_columns_have_both_thresholds() -> None:
-    assert set(columns_of([])) == {*NAMES, "threshold_n_low", "threshold_p_low"}
+    assert set(columns_of([])) == {*NAMES, "threshold_r_N_low", "threshold_r_p_low"}
     got = columns_of([tuple(float(i) for i in range(len(NAMES)))])
-    assert got["threshold_p_low"] == -got["threshold_p"]
+    assert got["threshold_r_p_low"] == -got["threshold_r_p"]
