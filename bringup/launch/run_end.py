@@ -25,7 +25,8 @@ def wait_until_done(supervisor: Supervisor, ticks: int, progress: Callable[[int,
     moved_s = time.monotonic()
     while not _is_finished(supervisor):
         supervisor.spin()
-        tick = supervisor.plant().tick or supervisor.report_of(RECORDER).ticks or 0
+        told = supervisor.plant().tick
+        tick = (supervisor.report_of(RECORDER).ticks or 0) if told is None else told
         if tick != shown:
             shown, moved_s = tick, time.monotonic()
             if progress is not None:
