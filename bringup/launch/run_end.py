@@ -25,7 +25,8 @@ def wait_until_done(supervisor: Supervisor, ticks: int, progress: Callable[[int,
     moved_s = time.monotonic()
     while not _is_finished(supervisor):
         supervisor.spin()
-        tick = supervisor.health.of_plant().tick or supervisor.health.of(RECORDER).ticks or 0
+        told = supervisor.health.of_plant().tick
+        tick = (supervisor.health.of(RECORDER).ticks or 0) if told is None else told
         if tick != shown:
             shown, moved_s = tick, time.monotonic()
             if progress is not None:
@@ -54,8 +55,8 @@ def _is_finished(supervisor: Supervisor) -> bool:
 def _refusals(supervisor: Supervisor) -> str:
     """Return what the nodes have refused: why a loop may stand still."""
     said = [
-        f"{name} refused {health['rejected_inputs']} messages, the last: {health['last_rejected']}"
-        for name, health in supervisor.health.items()
-        if health.get("rejected_inputs", "0") != "0"
+        f"{name} refused {report.rejected_inputs} messages, the last: {report.last_rejected}"
+        for name, report in ((name, supervisor.report_of(name)) for name in supervisor.health)
+        if report.rejected_inputs
     ]
     return "; " + "; ".join(said) if said else ""

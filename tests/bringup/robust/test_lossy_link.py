@@ -44,14 +44,14 @@ class Lossy(node):
         else:
             due = time.monotonic() + 0.05 * self.chance.random()
             heapq.heappush(self.waiting, (due, len(self.waiting), topic, time_ns, values))
-            self.deadline_s = self.waiting[0][0]
+            self.loop.deadline_s = self.waiting[0][0]
     def on_deadline(self):
         if module.__name__ == "ac_plant_node.node":
             return super().on_deadline()
         while self.waiting and self.waiting[0][0] <= time.monotonic() + 1e-4:
             _, _, topic, time_ns, values = heapq.heappop(self.waiting)
             super().send(time_ns, topic, *values)
-        self.deadline_s = self.waiting[0][0] if self.waiting else float("inf")
+        self.loop.deadline_s = self.waiting[0][0] if self.waiting else float("inf")
 sys.exit(run_node(Lossy))
 """
 MODULES = {
