@@ -5,8 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from ac_common.faults import FAULTS, KINDS
 from ac_common.fdi_status import StatusRow
-from ac_common.topics import SERIES
+from ac_common.topics import BY_NAME, SERIES
 from ac_common.units import KPA, RPM
 from ac_experiments.recording import Recording
 from ac_experiments.scenario import check, schedule
@@ -45,12 +46,12 @@ def make_recording(scenario: Scenario, passive: bool = False) -> Recording:
     series["actuator/command:expansion_valve"] = series["controller/command:expansion_valve"]
     series["scenario/air:evaporator_air"], series["scenario/air_inlet_temperature"] = plan.air.T
     series["plant/air_inlet_temperature"] = series["scenario/air_inlet_temperature"]
-    series["fault/compressor_speed:compressor"], series["fault/evaporator_pressure"] = plan.faults.T.copy()
-    series["scenario/fault/compressor_speed:compressor"], series["scenario/fault/evaporator_pressure"] = plan.faults.T
-    lag = 1 - np.exp(-np.maximum(time_s[:, None] - np.array([_onset(scenario, kind) for kind in _KINDS]), 0) / 10)
-    series["fdi/residual/compressor_speed:compressor"], series["fdi/residual/evaporator_pressure"] = (
-        plan.faults * lag
-    ).T
+    lag = 1 - np.exp(-np.maximum(time_s[:, None] - np.array([_onset(scenario, kind) for kind in KINDS]), 0) / 10)
+    for i, fault in enumerate(FAULTS):
+        for topic in (BY_NAME[fault.truth_topic], BY_NAME[fault.schedule_topic]):
+            series[topic.series[0]] = plan.faults[:, i].copy()
+        if fault.has_filter:
+            series[BY_NAME[fault.residual_topic].series[0]] = plan.faults[:, i] * lag[:, i]
     return Recording(
         time_s=time_s,
         series=series,
@@ -65,9 +66,6 @@ def make_recording(scenario: Scenario, passive: bool = False) -> Recording:
             "complete": True,
         },
     )
-
-
-_KINDS = ("compressor_speed", "evaporator_pressure")
 
 
 def _onset(scenario: Scenario, kind: str) -> float:

@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from ac_common.topics import TOPICS
-from tests.test_layers import PACKAGES, imported
+from tests.test_layers import FILES, PACKAGES, first_parts
 
 ROOT = Path(__file__).parents[3]
 
@@ -29,10 +29,7 @@ def test_what_is_imported_is_declared_and_the_recipe_for_colcon_has_it() -> None
     declared = {re.split(r"[<>=\[]", text)[0] for text in project["dependencies"]}
     names = {"Jinja2": "jinja2", "MarkupSafe": "markupsafe", "ros-jazzy-rclpy": "rclpy", "ruamel.yaml": "ruamel"}
     modules = {names.get(name, name) for name in declared if name != "ros-jazzy-common-interfaces"}
-    used = set()
-    for package in PACKAGES:
-        for source in (ROOT / package).rglob("*.py"):
-            used |= imported(source)
+    used: set[str] = set().union(*map(first_parts, FILES))
     messages = {topic.type.split("/")[0] for topic in TOPICS} | {"lifecycle_msgs", "std_srvs", "rcl_interfaces"}
     foreign = used - set(sys.stdlib_module_names) - set(PACKAGES) - messages
     assert foreign - {"ament_index_python"} <= modules  # that one belongs to rclpy
