@@ -63,7 +63,7 @@ def check_controller_of(scenario: Scenario) -> None:
 
     Raises
     ------
-    BringupError
+    UserError
         One line: what is wrong with it.
     """
     if scenario.controller_class:

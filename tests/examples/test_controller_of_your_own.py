@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from ac_common.errors import BringupError
+from ac_common.errors import UserError
 from ac_design import design_controller
 from ac_experiments.bags.reader import read_bag
 from ac_experiments.metrics import summarise
@@ -111,7 +111,7 @@ MISTAKES = [
 
 @pytest.mark.parametrize(("path", "said"), MISTAKES)
 def test_a_class_that_is_no_controller_is_one_line(path: str, said: str) -> None:
-    with pytest.raises(BringupError) as problem:
+    with pytest.raises(UserError) as problem:
         check_controller(path, design_controller("med", 0.1))
     assert said in str(problem.value)
     assert "\n" not in str(problem.value)
@@ -122,7 +122,7 @@ def test_a_class_that_is_no_controller_is_one_line(path: str, said: str) -> None
 def test_bad_input_is_told_before_anything_is_started(command: str, path: str, said: str, tmp_path: Path) -> None:
     arguments = [command, "nominal", "--set", f"controller={path}", "--out", str(tmp_path)]
     result = CliRunner().invoke(cli, arguments)
-    assert isinstance(result.exception, BringupError)
+    assert isinstance(result.exception, UserError)
     assert result.exception.exit_code == 2
     assert said in str(result.exception)
 
