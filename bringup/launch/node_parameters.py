@@ -151,6 +151,8 @@ def _loop_parameters(scenario: Scenario, log: Path, mode: Mode, passive: bool) -
         },
         SCENARIO: {"scenario": json.dumps(scenario.model_dump(mode="json")), "mode": mode},
     }
+    if scenario.controller_class:
+        parameters[CONTROLLER]["controller_class"] = scenario.controller_class
     for name, given in parameters.items():
         if PROCESSES[name].keeps_memory:
             given["memory_file"] = str(log / f"{name}.memory")
