@@ -25,7 +25,9 @@ def wait_until_done(supervisor: Supervisor, ticks: int, progress: Callable[[int,
     moved_s = time.monotonic()
     while not _is_finished(supervisor):
         supervisor.spin()
-        tick = supervisor.health.of_plant().tick or supervisor.health.of(RECORDER).ticks or 0
+        tick = supervisor.health.of_plant().tick
+        if tick is None:  # a user's plant may have nothing to say
+            tick = supervisor.health.of(RECORDER).ticks or 0
         if tick != shown:
             shown, moved_s = tick, time.monotonic()
             if progress is not None:

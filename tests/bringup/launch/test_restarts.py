@@ -5,6 +5,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ac_common.health import HealthReport
 from bringup.launch.restart_policy import BACKOFF_S, MOST, WINDOW_S, RestartPolicy
 from bringup.launch.restarts import HUNG_S, PAUSE_S, Restarts, Silence
 
@@ -29,13 +30,13 @@ def test_each_node_has_its_own_chances_and_gets_them_back() -> None:
 def test_a_node_is_dead_until_it_is_due_and_waits_until_it_works() -> None:
     restarts = Restarts()
     assert restarts.died("fdi", 10.0)
-    restarts.add("fdi", "17", 4.0, "SIGKILL")
+    restarts.add("fdi", 17, 4.0, "SIGKILL")
     assert restarts.is_dead("fdi")
     assert restarts.waiting == ["fdi"]
     assert restarts.take_due(10.0 + BACKOFF_S[0]) == ["fdi"]
     assert not restarts.is_dead("fdi")
-    assert restarts.is_of_dead("fdi", {"pid": "17"})  # its last words
-    assert not restarts.is_of_dead("fdi", {"pid": "18"})
+    assert restarts.is_of_dead("fdi", HealthReport(pid=17))  # its last words
+    assert not restarts.is_of_dead("fdi", HealthReport(pid=18))
     (restart,) = restarts.back("fdi", 11.5)
     assert (restart.died_s, restart.back_s) == (4.0, 5.5)
     assert restarts.waiting == []
@@ -45,7 +46,7 @@ def test_a_node_is_dead_until_it_is_due_and_waits_until_it_works() -> None:
 def test_a_node_without_a_first_tick_has_no_time_of_the_run() -> None:
     restarts = Restarts()
     restarts.died("fdi", 10.0)
-    restarts.add("fdi", "17", math.nan, "SIGKILL")
+    restarts.add("fdi", 17, math.nan, "SIGKILL")
     (restart,) = restarts.back("fdi", 11.0)
     assert math.isnan(restart.back_s)
 
