@@ -46,7 +46,7 @@ def test_a_node_is_dead_until_it_is_due_and_waits_until_it_works() -> None:
 def test_a_node_without_a_first_tick_has_no_time_of_the_run() -> None:
     restarts = Restarts()
     restarts.died("fdi", 10.0)
-    restarts.add("fdi", "17", math.nan, "SIGKILL")
+    restarts.add("fdi", 17, math.nan, "SIGKILL")
     (restart,) = restarts.back("fdi", 11.0)
     assert math.isnan(restart.back_s)
 
