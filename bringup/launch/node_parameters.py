@@ -145,10 +145,7 @@ def _loop_parameters(scenario: Scenario, log: Path, mode: Mode, passive: bool) -
         },
         FDI: {**timing},
         COMPENSATOR: {**timing, "sensors": scenario.sensors, "accommodate": not passive},
-        CONTROLLER: {
-            **timing,
-            **({"controller_class": scenario.controller_class} if scenario.controller_class else {}),
-        },
+        CONTROLLER: {**timing},
         SCENARIO: {"scenario": json.dumps(scenario.model_dump(mode="json")), "mode": mode},
     }
     if scenario.controller_class:

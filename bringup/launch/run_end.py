@@ -56,7 +56,7 @@ def _refusals(supervisor: Supervisor) -> str:
     """Return what the nodes have refused: why a loop may stand still."""
     said = [
         f"{name} refused {report.rejected_inputs} messages, the last: {report.last_rejected}"
-        for name, report in ((name, supervisor.report_of(name)) for name in supervisor.health)
+        for name, report in ((name, supervisor.health.of(name)) for name in supervisor.health)
         if report.rejected_inputs
     ]
     return "; " + "; ".join(said) if said else ""
