@@ -24,12 +24,12 @@ from gimc.errors import (
     SynthesisError,
 )
 from gimc.interconnect import Abcd, Matrix, abcd, lft, safe_inverse, state_space
+from gimc.modes import axis_zero, unreachable_mode
 from gimc.norms import hinf_norm, poles, sweep_norm
 from gimc.riccati import care, hinf_are
 from gimc.scaling import balance_states
 
 RANK_TOLERANCE = 1e-10  # singular values relative to the largest
-MODE_TOLERANCE = 1e-11  # smallest singular value of [A - lambda I, B], relative to its largest
 NORM_TOLERANCE = 1e-3  # agreement asked of claimed and recomputed norms
 FLOOR = 1e-9  # levels below this are not told from zero
 BACKOFF_LADDER = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0)  # multiples of the back-off tried before giving up
@@ -243,51 +243,23 @@ def _check_modes(standard: _Standard) -> None:
         )
 
 
-def unreachable_mode(A: Matrix, B: Matrix) -> complex | None:
-    """Eigenvalue of A in the closed right half plane that B does not reach (Popov-Belevitch-Hautus test), or None."""
-    n = A.shape[0]
-    columns = np.linalg.norm(B, axis=0)
-    size = np.linalg.norm(A, 1) if n else 1.0
-    Bn = B / np.where(columns > 0, columns, 1.0) * max(size, 1e-300)
-    for eigenvalue in np.linalg.eigvals(A) if n else ():
-        if eigenvalue.real < -1e-13 * size:
-            continue
-        s = np.linalg.svd(np.hstack([A - eigenvalue * np.eye(n), Bn]), compute_uv=False)
-        if s[-1] <= MODE_TOLERANCE * s[0]:
-            return complex(eigenvalue)
-    return None
-
-
 def _check_zeros(standard: _Standard) -> None:
     """P12 and P21 have no zeros on the imaginary axis: else a Riccati equation never has a stabilising solution."""
     A, B, C, D = standard.sys
     m1, _, p1, _ = standard.dims
     D12, D21 = D[:p1, m1:], D[p1:, :m1]
-    frequency = _axis_zero(A - B[:, m1:] @ D12.T @ C[:p1], C[:p1] - D12 @ D12.T @ C[:p1])
+    frequency = axis_zero(A - B[:, m1:] @ D12.T @ C[:p1], C[:p1] - D12 @ D12.T @ C[:p1])
     if frequency is not None:
         raise ImaginaryAxisZeroError(
             f"P12 (from u to z) has a zero on the imaginary axis at {frequency:.4g} rad/s: z is blind to the plant "
             "there; weight u or the plant's output at that frequency"
         )
-    frequency = _axis_zero((A - B[:, :m1] @ D21.T @ C[p1:]).T, (B[:, :m1] - B[:, :m1] @ D21.T @ D21).T)
+    frequency = axis_zero((A - B[:, :m1] @ D21.T @ C[p1:]).T, (B[:, :m1] - B[:, :m1] @ D21.T @ D21).T)
     if frequency is not None:
         raise ImaginaryAxisZeroError(
             f"P21 (from w to y) has a zero on the imaginary axis at {frequency:.4g} rad/s: w does not excite the plant "
             "there; add a disturbance at the plant's input"
         )
-
-
-def _axis_zero(A: Matrix, C: Matrix) -> float | None:
-    """Frequency of an imaginary-axis eigenvalue of A that C does not see, or None."""
-    n = A.shape[0]
-    size = np.linalg.norm(A, 1) if n else 1.0
-    for eigenvalue in np.linalg.eigvals(A) if n else ():
-        if abs(eigenvalue.real) > 1e-12 * size:
-            continue
-        s = np.linalg.svd(np.vstack([A - 1j * eigenvalue.imag * np.eye(n), C]), compute_uv=False)
-        if s[-1] <= MODE_TOLERANCE * s[0]:
-            return abs(float(eigenvalue.imag))
-    return None
 
 
 def _text(mode: complex) -> str:

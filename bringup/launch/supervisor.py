@@ -44,7 +44,7 @@ class Supervisor:
     """
 
     #: How long all nodes together may take for one step; they only load, but the machine may have much else to do.
-    patience_s = 60.0
+    patience_s = 180.0
 
     def __init__(
         self,
