@@ -41,7 +41,7 @@ SETTLED = "p<sub>e</sub> back at its reference"
 
 @dataclass(frozen=True)
 class Line:
-    """One line of a panel: the signal, how it is called and how it looks."""
+    """One line of a panel or of a plot of the live page: the signal, how it is called and how it looks."""
 
     key: str
     name: str

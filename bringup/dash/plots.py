@@ -21,6 +21,7 @@ from bokeh.plotting import figure
 from ac_common.faults import FAULTS, Fault
 from ac_common.units import KPA
 from ac_experiments.report.charts import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILION
+from ac_experiments.report.panels import Line
 from bringup.dash.cycle import Corners, dome
 from bringup.dash.rows import WINDOW_S, threshold_column
 
@@ -29,17 +30,6 @@ FONT = "system-ui, sans-serif"
 KILO = 1.0e-3
 #: Labels of a time plot's axis, about: to write one takes the browser as long as to draw a hundred points.
 MOST_TICKS = 4
-
-
-@dataclass(frozen=True)
-class Line:
-    """A line of a time plot: column, what the legend calls it, and its looks."""
-
-    column: str
-    name: str
-    colour: str
-    dash: str = "solid"
-    width: float = 1.8
 
 
 @dataclass(frozen=True)
@@ -150,10 +140,8 @@ def _time_plot(plot: TimePlot, source: ColumnDataSource, time: DataRange1d, cros
         y_range=DataRange1d(min_interval=plot.least, range_padding=0.12),
     )
     for line in plot.lines:
-        last = drawn.line(
-            "t", line.column, source=source, color=line.colour, line_dash=line.dash, line_width=line.width
-        )
-    tips = [(line.name, f"@{line.column}{{{plot.digits}}}") for line in plot.lines if not line.column.endswith("_low")]
+        last = drawn.line("t", line.key, source=source, color=line.colour, line_dash=line.dash, line_width=line.width)
+    tips = [(line.name, f"@{line.key}{{{plot.digits}}}") for line in plot.lines if not line.key.endswith("_low")]
     drawn.xaxis.formatter = PrintfTickFormatter(format="%g s")
     for axis in (*drawn.xaxis, *drawn.yaxis):
         axis.ticker.desired_num_ticks = MOST_TICKS
