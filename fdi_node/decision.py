@@ -89,7 +89,7 @@ class JumpRule:
         For how long after the reading is back the residuals may remember that it was not.
     """
 
-    smallest: tuple[float, float, float] = (math.inf, 1.5, math.inf)
+    smallest: tuple[float, float, float] = (math.inf, 2.0, math.inf)
     deviations: float = 10.0
     still: tuple[float, float, float] = (300.0, 0.3, 0.3)
     still_deviations: float = 4.0
