@@ -151,7 +151,7 @@ class _Loop:
         self._compensator = Compensator(designs.compensator, accommodate=accommodate)
         self._controller = make_controller(designs.controller, scenario.controller_class)
         self._outputs: list[float] = rest.outputs.tolist()
-        self._inputs = np.array(rest.inputs)
+        self._inputs, self._reading = np.array(rest.inputs), np.empty(len(Measurement._fields))
         # The plant reports the inlet temperature that acted until now: the one held over the sample just past.
         self._air_inlet_c = float(rest.inputs[3])
         self._does = {COMPENSATOR: "", CONTROLLER: ""}
@@ -163,7 +163,9 @@ class _Loop:
         found = self._detector.observe(time_s, measured, air_inlet_c)
         wanted = tuple(reference.tolist())
         q = self._compensator.step(found.innovation, found.isolated, found.also_isolated, wanted)
-        command = self._controller.step(reference, np.array(measured), q)
+        reading = self._reading
+        reading[0], reading[1], reading[2] = measured
+        command = self._controller.step(reference, reading, q)
         self._detector.commanded(command)
         if self._compensator.does != self._does[COMPENSATOR]:
             self._announce(time_s, COMPENSATOR, self._compensator.does)
@@ -171,14 +173,14 @@ class _Loop:
             self._announce(time_s, CONTROLLER, self._controller.does)
         commanded = command.tolist()
         actuator = self._injector.actuate(commanded, faults)
-        self._inputs[:2] = actuator
+        self._inputs[0], self._inputs[1] = actuator
         self.status.append(found.status(time_s))
         seen = (*measured, *found.innovation, *found.residual)
         return (*outputs, air_inlet_c, *seen, *q.tolist(), *commanded, *actuator)
 
     def advance(self, air: Sequence[float]) -> None:
         """Let the plant run on to the next tick with the actuators as they are; raises ValueError when it cannot."""
-        self._inputs[2:] = air
+        self._inputs[2], self._inputs[3] = air
         self._air_inlet_c = air[1]
         self._outputs = self._plant.step(self._inputs, self._sample_time_s).tolist()
 

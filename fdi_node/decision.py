@@ -13,15 +13,21 @@ could make it. Pure bookkeeping: nothing here knows what the residuals are of.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from enum import Enum
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from ac_common.faults import ISOLABLE_KINDS, UNKNOWN
 
 NOT = math.inf
 """Time since when something holds that does not hold: later than every time."""
+
+DEVIATION = 1.4826
+"""Standard deviation of a normal variable over the median of its magnitude: one jump does not change a median."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +79,7 @@ class JumpRule:
         Smallest jump from one tick to the next of p_e [Pa], SH [K], T_w [K] that counts. inf: none does. The pressure's
         sensor has a filter, which tells more; and T_w really jumps when the superheated zone, whose wall it is, ends.
     deviations : float
-        And it is at least so many times what the reading did lately (root mean square from tick to tick).
+        And it is at least so many times what the reading did lately from tick to tick, as a standard deviation.
     still, still_deviations : tuple of float, float
         The other readings move by less than this; for noise, by less than so many times what they did lately, but at
         most twice as much.
@@ -83,7 +89,7 @@ class JumpRule:
         For how long after the reading is back the residuals may remember that it was not.
     """
 
-    smallest: tuple[float, float, float] = (math.inf, 1.5, math.inf)
+    smallest: tuple[float, float, float] = (math.inf, 2.0, math.inf)
     deviations: float = 10.0
     still: tuple[float, float, float] = (300.0, 0.3, 0.3)
     still_deviations: float = 4.0
@@ -187,50 +193,36 @@ class Jumps:
 
     def __init__(self, rule: JumpRule, sample_time_s: float) -> None:
         self._rule = rule
-        self._fewest = max(2, round(0.5 * rule.memory_s / sample_time_s))
-        self._slowest = sample_time_s / rule.memory_s
-        self._watched = tuple(i for i, smallest in enumerate(rule.smallest) if smallest < math.inf)
+        self._watched = tuple((i, least) for i, least in enumerate(rule.smallest) if least < math.inf)
+        self._recent: deque[tuple[float, float, float]] = deque(maxlen=max(4, round(rule.memory_s / sample_time_s)))
         self.away = [0.0, 0.0, 0.0]
-        self.forget()
 
     def forget(self) -> None:
         """Begin anew, as after a gap: what the readings did before tells nothing of the next move."""
-        self._last: tuple[float, float, float] | None = None
-        self._squares = (0.0, 0.0, 0.0)
-        self._ticks = 0
+        self._recent.clear()
 
-    def step(self, readings: Iterable[float]) -> bool:
-        """Look at the readings of p_e [Pa], SH [K], T_w [degC] of one tick; return whether one of them has jumped."""
-        p_e, superheat, wall = readings
-        last, self._last = self._last, (p_e, superheat, wall)
-        if last is None:
-            return False
-        moves = (p_e - last[0], superheat - last[1], wall - last[2])
-        if self._ticks >= self._fewest:
-            for i in self._watched:
-                if abs(moves[i]) > self._rule.smallest[i] and self._is_alone(i, moves):
-                    self.away[i] += moves[i]
-                    if abs(self.away[i]) < 0.5 * self._rule.smallest[i]:
-                        self.away[i] = 0.0
-                    return True
-        self._ticks += 1
-        rate = max(1.0 / self._ticks, self._slowest)
-        first, second, third = self._squares
-        self._squares = (
-            first + rate * (moves[0] * moves[0] - first),
-            second + rate * (moves[1] * moves[1] - second),
-            third + rate * (moves[2] * moves[2] - third),
-        )
+    def step(self, p_e: float, superheat: float, wall: float) -> bool:
+        """Look at the readings of one tick, Pa, K and degC; return whether one of them has jumped."""
+        recent, now = self._recent, (p_e, superheat, wall)
+        recent.append(now)
+        last = recent[-2] if len(recent) > 1 else now
+        for i, least in self._watched:
+            if abs(now[i] - last[i]) > least and self._is_alone(i):
+                self.away[i] += now[i] - last[i]
+                if abs(self.away[i]) < 0.5 * least:
+                    self.away[i] = 0.0
+                return True
         return False
 
-    def _is_alone(self, i: int, moves: Sequence[float]) -> bool:
-        """Whether reading i has moved by far more than it used to while the others stood still."""
-        rule, usual = self._rule, [math.sqrt(square) for square in self._squares]
-        return abs(moves[i]) > rule.deviations * usual[i] and all(
-            abs(moves[k]) < rule.still[k] * min(max(1.0, rule.still_deviations * usual[k] / rule.still[k]), 2.0)
-            for k in range(len(moves))
-            if k != i
-        )
+    def _is_alone(self, i: int) -> bool:
+        """Return whether reading i has moved by far more than it used to while the others stood still."""
+        if 2 * len(self._recent) < (self._recent.maxlen or 0):
+            return False
+        rule, moves = self._rule, np.abs(np.diff(np.array(self._recent), axis=0))
+        usual = DEVIATION * np.median(moves[:-1], axis=0)
+        still = rule.still * np.clip(rule.still_deviations * usual / rule.still, 1.0, 2.0)
+        others_stand = np.delete(moves[-1] < still, i).all()
+        return bool(others_stand and moves[-1, i] > rule.deviations * usual[i])
 
 
 class Decision:
@@ -244,7 +236,7 @@ class Decision:
 
     Attributes
     ----------
-    state : State
+    phase : State
     """
 
     def __init__(self, rules: Supervision, jump_rule: JumpRule, sample_time_s: float) -> None:
@@ -253,36 +245,37 @@ class Decision:
         self._jumps = Jumps(jump_rule, sample_time_s)
         self._aftermath_s = jump_rule.aftermath_s
         self._watches = [Watch() for _ in ISOLABLE_KINDS]
-        numbers = range(len(ISOLABLE_KINDS))
-        self._others = [[k for k in numbers if k != i] for i in numbers]
         self._isolated: list[Isolated] = []
         self._onset_s = NOT
         self._detected_s = NOT
         self._away_since = NOT  # since when a reading is where it has jumped to
         self._back_since = NOT  # since when it is back
+        self._concluded = NOTHING
 
-    def step(self, time_s: float, ratios: Sequence[float], readings: Iterable[float]) -> Conclusion:
+    def step(self, time_s: float, ratios: list[float], p_e: float, superheat: float, wall: float) -> Conclusion:
         """Conclude from this tick.
 
         Parameters
         ----------
         time_s : float
-        ratios : sequence of float
+        ratios : list of float
             `|r_i| / threshold_i` of each residual.
-        readings : sequence of float
-            Of p_e [Pa], SH [K], T_w [degC].
+        p_e, superheat, wall : float
+            Readings [Pa, K, degC].
         """
-        if self._jumps.step(readings):
+        if self._jumps.step(p_e, superheat, wall):
             self._follow_jump(time_s)
+        rules = self._rules
         for i, watch in enumerate(self._watches):
-            others = max([ratios[k] for k in self._others[i]])
-            watch.update(time_s, ratios[i], others, self._rules.cross_talk[i], self._rules)
+            ratio = ratios[i]
+            if ratio >= rules.clear_ratio or watch.below == NOT or watch.above != NOT:  # or nothing changes
+                watch.update(time_s, ratio, max(ratios[:i] + ratios[i + 1 :]), rules.cross_talk[i], rules)
         if self.phase is not State.UNKNOWN and time_s - self._away_since >= self._rules.confirm_s:
             self._enter_unknown(time_s)
         else:
             for action in _ACTIONS[self.phase]:
                 action(self, time_s)
-        return self._conclusion()
+        return self._concluded
 
     def forget_jumps(self) -> None:
         """Go over a gap in the readings: the next ones are no jump."""
@@ -295,7 +288,7 @@ class Decision:
             "watches": [asdict(watch) for watch in self._watches],
             "isolated": [asdict(one) for one in self._isolated],
             "times": [self._onset_s, self._detected_s, self._away_since, self._back_since],
-            "away": self._jumps.away,
+            "away": list(self._jumps.away),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -323,16 +316,18 @@ class Decision:
         )
         self._jumps.forget()
         self._jumps.away = [first, second, third]
+        self._conclude()
 
     # -- actions ------------------------------------------------------------------------------------------------
 
     def _begin(self, time_s: float) -> None:
         """Begin a detection when a residual calls for it, with the first of those that it is about."""
-        if not any(watch.under_way for watch in self._watches):
+        since = [watch.above for watch in self._watches if watch.under_way]
+        if not since:
             return
-        self._onset_s = min(watch.above for watch in self._watches if watch.under_way)
+        self._onset_s = min(since)
         self._detected_s = time_s
-        self.phase = State.DETECTED
+        self._go_to(State.DETECTED)
 
     def _isolate(self, time_s: float) -> None:
         """Add to the isolated faults those whose residuals now say so; not while a reading's jump is looked at."""
@@ -347,7 +342,7 @@ class Decision:
                 onset_s = watch.above if self._isolated else self._onset_s
                 self._isolated.append(Isolated(i, onset_s, time_s))
                 watch.under_way = True
-                self.phase = State.ISOLATED
+                self._go_to(State.ISOLATED)
 
     def _end(self, time_s: float) -> None:
         """Forget what is over; what then is left without an isolated fault is a detection of its own."""
@@ -363,6 +358,8 @@ class Decision:
             self._look_anew(time_s)
         elif not any(watch.under_way for watch in self._watches):
             self._rest()
+        else:
+            self._conclude()
 
     def _look_anew(self, time_s: float) -> None:
         """Begin with what the residuals say now, whatever they said before."""
@@ -374,7 +371,7 @@ class Decision:
     def _rest(self) -> None:
         """Go back to where nothing is detected."""
         self._onset_s = NOT
-        self.phase = State.QUIET
+        self._go_to(State.QUIET)
 
     def _follow_jump(self, time_s: float) -> None:
         """Note since when a reading is where it has jumped to, or back."""
@@ -387,7 +384,7 @@ class Decision:
         """Isolate a fault that no filter is for; the residuals of the others say nothing while it is there."""
         self._isolated = [Isolated(-1, self._away_since, time_s)]
         self._onset_s = self._away_since
-        self.phase = State.UNKNOWN
+        self._go_to(State.UNKNOWN)
 
     def _leave_unknown(self, time_s: float) -> None:
         """Let the unknown fault be over when no residual, or not its reading, has told of it for long enough."""
@@ -400,15 +397,21 @@ class Decision:
         self._jumps.away = [0.0, 0.0, 0.0]
         self._look_anew(time_s)
 
-    def _conclusion(self) -> Conclusion:
-        if not self._isolated:
-            if self._onset_s == NOT:
-                return NOTHING
-            return Conclusion(True, None, -1, self._onset_s, math.nan, None)
-        last = self._isolated[-1]
-        also = ISOLABLE_KINDS[self._isolated[0].residual] if len(self._isolated) > 1 else None
-        kind = UNKNOWN if last.residual < 0 else ISOLABLE_KINDS[last.residual]
-        return Conclusion(True, kind, last.residual, last.onset_s, last.isolated_s, also)
+    def _go_to(self, phase: State) -> None:
+        self.phase = phase
+        self._conclude()
+
+    def _conclude(self) -> None:
+        """Put into words what holds until the state, or what is isolated, is another."""
+        if self._isolated:
+            last = self._isolated[-1]
+            also = ISOLABLE_KINDS[self._isolated[0].residual] if len(self._isolated) > 1 else None
+            kind = UNKNOWN if last.residual < 0 else ISOLABLE_KINDS[last.residual]
+            self._concluded = Conclusion(True, kind, last.residual, last.onset_s, last.isolated_s, also)
+        elif self._onset_s != NOT:
+            self._concluded = Conclusion(True, None, -1, self._onset_s, math.nan, None)
+        else:
+            self._concluded = NOTHING
 
 
 #: What is done in each state, in this order, unless a jump ends it.

@@ -144,7 +144,7 @@ class FaultDetector:
         self._advance = np.ascontiguousarray(np.hstack([design.a, design.b]))
         self._seen, self._next = np.zeros(5 + m), np.zeros(n)
         self._shown, self._filter_next = self._seen[:5], self._seen[5:]
-        self._output_rest = design.output_rest
+        self._output_rest: list[float] = design.output_rest.tolist()
         self._command_rest, self._air_rest = design.input_rest[:2], float(design.input_rest[2])
         self._thresholds: tuple[float, ...] = tuple(design.thresholds.tolist())
         used = design.c.any(axis=1).tolist()
@@ -236,14 +236,18 @@ class FaultDetector:
             Evaporator pressure [Pa], superheat [K], wall temperature [degC].
         air_inlet_temperature_c : float
         """
-        np.subtract(measured, self._output_rest, out=self._deviation)
+        deviation, at_rest = self._deviation, self._output_rest
+        p_e, superheat, wall = measured  # a tuple is faster number by number
+        deviation[0], deviation[1], deviation[2] = p_e - at_rest[0], superheat - at_rest[1], wall - at_rest[2]
         self._in[self._air] = air_inlet_temperature_c - self._air_rest
         np.dot(self._observe, self._in, out=self._seen)
         self._filter[:] = self._filter_next
         seen = self._shown.tolist()
         residual = tuple(seen[3:])
         ratios = [abs(one) / threshold for one, threshold in zip(residual, self._thresholds, strict=True)]
-        detected, isolated, number, onset_s, isolated_s, also = self._decision.step(time_s, ratios, measured)
+        detected, isolated, number, onset_s, isolated_s, also = self._decision.step(
+            time_s, ratios, p_e, superheat, wall
+        )
         size = residual[number] if number >= 0 else math.nan
         innovation = Innovation(*seen[:3])
         return Detection(innovation, residual, self._thresholds, detected, isolated, size, onset_s, isolated_s, also)

@@ -254,7 +254,7 @@ class Compensator:
             isolated = also_isolated = None
         if not self._may_follow((isolated is not None) + (also_isolated is not None)):
             isolated = also_isolated = None
-        self._innovation[:] = innovation
+        self._innovation[0], self._innovation[1], self._innovation[2] = innovation
         np.dot(self._forgetting if isolated is None else self._holding, self._in, out=self._seen)
         self._known[:] = self._next
         kept: list[float] = self._kept.tolist()

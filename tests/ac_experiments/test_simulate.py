@@ -10,7 +10,7 @@ from ac_common.topics import SERIES
 from ac_experiments.designs import designs_at
 from ac_experiments.metrics import summarise
 from ac_experiments.recording import Recording
-from ac_experiments.scenario import load
+from ac_experiments.scenario import check, load
 from ac_experiments.simulate import simulate
 
 
@@ -97,3 +97,33 @@ def test_another_compensator_can_be_tried():
         simulate(scenario, designs=own).series["compensator/q:compressor"],
         simulate(scenario).series["compensator/q:compressor"],
     )
+
+
+def test_a_jump_of_the_superheat_sensor_is_an_unknown_fault_and_k0_is_then_alone():
+    fault = {"kind": "superheat_sensor", "size_k": 3.0, "onset_s": 20.0}
+    recording = simulate(check({"name": "jump", "duration_s": 40.0, "faults": [fault]}))
+    off = recording.series["measured/superheat"] - recording.series["plant/superheat"]
+    np.testing.assert_allclose(off, np.where(recording.time_s >= 20.0, 3.0, 0.0), atol=1e-12)
+    summary = summarise(recording)
+    (found,) = summary["faults"]
+    assert (found["size"], found["unit"], found["isolated_as"], found["estimate"]) == (3.0, "K", "unknown", None)
+    assert found["isolated_s"] == pytest.approx(20.5)
+    assert summary["false_alarms"] == 0
+    q = np.abs(recording.series["compensator/q:compressor"])
+    assert q[recording.time_s < 20.0].max() < 1e-6
+    assert q.max() > 1.0  # the guard has seen it, too,
+    assert q[recording.time_s > 26.0].max() == 0.0  # until it stands back
+
+
+def test_a_slow_bias_of_the_superheat_sensor_cannot_be_told_from_the_other_faults():
+    """The columns of air flow, f_N and f_p span all three readings at every frequency, so they explain any bias."""
+    from ac_design.model import design_model
+
+    for point in ("low", "med", "high"):
+        system = design_model(point).system
+        for frequency in np.logspace(-4, 0, 9):
+            dynamics = 1j * frequency * np.eye(len(system.A)) - system.A
+            columns = system.C @ np.linalg.solve(dynamics, np.hstack([system.E1, system.F1]))
+            columns = columns + np.hstack([system.E2, system.F2])
+            assert columns.shape == (3, 3)
+            assert 10.0 < np.linalg.cond(columns) < 100.0
