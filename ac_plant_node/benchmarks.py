@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from ac_plant_node import integrator, model
 from ac_plant_node.compiled import Array, jit
+from ac_plant_node.dynamics.drive import drive
 from ac_plant_node.equilibrium import operating_point
-from ac_plant_node.model import INPUT_HIGH, INPUT_LOW
+from ac_plant_node.inputs import INPUT_HIGH, INPUT_LOW
 from ac_plant_node.parameter_file import load_parameters
 from ac_plant_node.parameters import POINTS
 from ac_plant_node.plant import Plant
@@ -76,15 +77,17 @@ def _rhs_loop(
         model.rhs(s, w, par, tab, guess, z, ds, aux)
 
 
-def rhs_time_us(n: int = 10000) -> float:
+def rhs_time_us(n: int = 10000, humidity: float = 0.0) -> float:
     """Time of one compiled right-hand side at the medium point, its state moved by 1e-4 from call to call."""
     parameters, point = load_parameters(), operating_point("med")
     tab = load_tables(parameters.refrigerant)
     guess, z, ds, aux = model.new_workspace()
     guess[:] = point.state[1], point.state[7]
 
+    w = drive(np.append(point.inputs, [0.55, 30.0, humidity]), parameters)
+
     def loop(count: int = n) -> None:
-        _rhs_loop(point.conserved.copy(), point.inputs, parameters.array, tab, guess, z, ds, aux, count, 1.0 + 1.0e-4)
+        _rhs_loop(point.conserved.copy(), w, parameters.array, tab, guess, z, ds, aux, count, 1.0 + 1.0e-4)
 
     loop(10)
     return _best(loop, 60) / n * 1.0e6

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_plant_node import model
+from ac_plant_node.dynamics.drive import drive
 from ac_plant_node.lookup import saturation, vapour
 from ac_plant_node.parameter_file import load_parameters
 from ac_plant_node.parameters import SOLVED, Parameters, TableRow, parameter_range
@@ -90,7 +91,7 @@ def solve_point(row: TableRow, parameters: Parameters, tab: Tables) -> Calibrate
         )  # fmt: skip
         model.conserved(x, trial.array, tab, s)
         guess[:] = pe, x[7]
-        model.rhs(s, w, trial.array, tab, guess, z, ds, aux)
+        model.rhs(s, drive(w, trial), trial.array, tab, guess, z, ds, aux)
         out: NDArray[np.float64] = ds / row_scale
         out[5] = (s[0] + s[5] - parameters["charge_kg"]) / 1e-2
         return out

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ac_plant_node import integrator, model
 from ac_plant_node.calibration import row_inputs, starting_state, superheated_enthalpy
+from ac_plant_node.dynamics.drive import drive, held_inputs
 from ac_plant_node.parameter_file import load_parameters
 from ac_plant_node.parameters import Parameters
 from ac_plant_node.tables import Tables, load_tables
@@ -26,8 +27,9 @@ class OperatingPoint:
     Attributes
     ----------
     name : str
-    inputs : (4,) array
-        Compressor speed rad/s, valve opening 0..1, evaporator air kg/s, its inlet temperature degC.
+    inputs : (n,) array, n from 4 to N_INPUTS
+        In the order of `ac_plant_node.inputs.INPUTS`: compressor speed rad/s, valve opening 0..1, evaporator air kg/s,
+        its inlet temperature degC, and as many of the others as were given.
     outputs : (4,) array
         p_e Pa, SH K, T_w degC, p_c Pa.
     state : (12,) array
@@ -55,14 +57,21 @@ class OperatingPoint:
 
 
 def rates(
-    x: NDArray[np.float64], w: NDArray[np.float64], parameters: Parameters, tab: Tables
+    x: NDArray[np.float64],
+    inputs: NDArray[np.float64],
+    parameters: Parameters,
+    tab: Tables,
+    faults: NDArray[np.float64] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Integration state, its rates and the auxiliary results at a public state x with all five zones."""
+    """Integration state, its rates and the auxiliary results at a public state x with all five zones.
+
+    `x` is taken as that of the healthy plant: faults (N_FAULTS,) act on the integration state that belongs to it.
+    """
     guess, z, ds, aux = model.new_workspace()
     s = np.zeros(model.N_STATES)
     model.conserved(x, parameters.array, tab, s)
     guess[:] = x[1], x[7]
-    model.rhs(s, w, parameters.array, tab, guess, z, ds, aux)
+    model.rhs(s, drive(inputs, parameters, faults), parameters.array, tab, guess, z, ds, aux)
     return s, ds, aux
 
 
@@ -76,8 +85,8 @@ def equilibrium(
 
     Parameters
     ----------
-    inputs : (4,) array
-        As in `OperatingPoint.inputs`.
+    inputs : (n,) array, n from 4 to N_INPUTS
+        As in `OperatingPoint.inputs`; those left out are the parameters' own (dry air at the evaporator).
     parameters : Parameters, optional
     start : (12,) array, optional
         State x to start from; a guess from the inputs otherwise.
@@ -123,7 +132,7 @@ def _settled(
         model.conserved(x, parameters.array, tab, s)
         low, high = (x[6], high) if s[0] + s[5] > parameters["charge_kg"] else (low, x[6])
     work = integrator.new_work(s)
-    integrator.run(work, parameters.array, tab, w, 1500.0, np.empty(4))
+    integrator.run(work, parameters.array, tab, held_inputs(w, parameters), 1500.0, np.empty(4))
     return integrator.views(work).aux[:12].copy()
 
 
@@ -182,7 +191,7 @@ def _describe(name: str, x: NDArray[np.float64], w: NDArray[np.float64], p: Para
 
 
 def table_inputs(point: str, parameters: Parameters | None = None) -> NDArray[np.float64]:
-    """Inputs (4,) of one of the parameters' operating points: of a row of Table I for the shipped ones.
+    """Inputs of one of the parameters' operating points: of a row of Table I for the shipped ones.
 
     Raises
     ------

@@ -12,6 +12,9 @@ COMPILED_SOURCES = (
     "fingerprint.py",
     "tables.py",
     "parameters.py",
+    "inputs.py",
+    "dynamics/moist_air.py",
+    "dynamics/drive.py",
     "lookup.py",
     "zones.py",
     "model.py",
@@ -26,7 +29,7 @@ def source_hash(names: tuple[str, ...]) -> str:
     """Hash of the text of some of this package's files (16 hex digits)."""
     total = hashlib.sha256()
     for name in names:
-        total.update(Path(__file__).with_name(name).read_bytes())
+        total.update((Path(__file__).parent / name).read_bytes())
     return total.hexdigest()[:16]
 
 

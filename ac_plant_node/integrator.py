@@ -6,7 +6,8 @@ right-hand side, once a step. It stays stable where zones vanish and the plant g
 
 Conservation: the integration vector ``y`` is the state ``s`` of `ac_plant_node.model` with one exchange. The mass of
 the condenser is the total charge minus the evaporator's, so it needs no equation; in its slot the integral of net heat
-and work is carried. Stored energy minus that integral is linear in ``y`` and every Rosenbrock step keeps it.
+and work is carried, less the energy that leaks out. Stored energy minus that integral is linear in ``y`` and every
+Rosenbrock step keeps it. A leak's rate is held as the inputs are, so the total charge is a known function of time.
 
 Step sizes are chosen by error control and do not end where a caller's duration ends: the state between is read from
 the cubic Hermite interpolant of the last step, which keeps linear invariants too. A step with unchanged inputs goes on
@@ -28,10 +29,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ac_plant_node.compiled import Array, jit
+from ac_plant_node.dynamics.drive import LEAK, N_DRIVE, set_drive
+from ac_plant_node.inputs import HELD_HIGH, HELD_LOW, N_HELD
 from ac_plant_node.model import (
     HEAT_IN,
-    INPUT_HIGH,
-    INPUT_LOW,
     N_AUX,
     N_STATES,
     P_C,
@@ -44,15 +45,19 @@ from ac_plant_node.model import (
     balances,
     condenser_zones,
     evaporator_zones,
+    flows,
     new_workspace,
     rhs,
 )
+from ac_plant_node.parameters import INDEX
 from ac_plant_node.tables import Tables
 
 DEFAULT_TOLERANCE = 1.0e-5
 """Local error per step allowed, relative to `ERROR_SCALE`."""
 MIN_STEP_S = 1.0e-2
 """Steps this short are accepted whatever their error estimate: a kink where a zone vanishes is then passed over."""
+LEAST_CHARGE = 0.2
+"""A leak ends when this share of the nominal charge is left, about what fills the heat exchangers with vapour."""
 CUT = 0.3
 """A step of `MIN_STEP_S` or less that is refused all the same is tried again this much shorter,"""
 REGAIN = 2.0
@@ -108,6 +113,7 @@ _A = _ALPHA @ _INV
 _C = np.diag(np.diag(_INV)) - _INV
 _M = _B @ _INV
 _E = _M - _B_HAT @ _INV
+_SHARE = _ALPHA.sum(axis=1)  # when in a step a stage is; a W-method needs no slope of the rates in time
 
 _DIFFERENCE = np.array([1e-8, 1e-3, 1e-1, 1e-5, 1e-5, 1.0, 1e-3, 1e-7, 1e-1, 1e-5, 1e-5, 1e-5])
 
@@ -119,7 +125,10 @@ H_NEXT, H_LAST, T_LAST, MOVED, N_STEPS, N_REJECTED, POWERS, TOLERANCE, AGE, CHAR
 T_HELD, FIRST, PHI_S, EXPONENTIAL = range(11, 15)
 """How long the inputs have been held; whether the next step is the first with them; the step length that the phi
 functions were made for (0: none); whether the last step was an exponential one."""
-N_MEMORY = 15
+LEAK_RATE, LEAKED_J, LEAKED_NOW_J = range(15, 18)
+"""Refrigerant lost, kg/s (`CHARGE` is what there was when the inputs changed last); energy that had left with it at the
+start of the last step, and at the time read last."""
+N_MEMORY = 18
 
 # Layout of the matrices of the exponential step.
 PHI_HALF, PHI_0, PHI_1, PHI_2, PHI_3, ROOM = range(6)
@@ -129,13 +138,14 @@ PHI_HALF, PHI_0, PHI_1, PHI_2, PHI_3, ROOM = range(6)
 class Work(NamedTuple):
     """The memory of one integration: views into one array, because each array handed to compiled code costs time.
 
-    `y`: state at the time read last; `held`: inputs; `aux`, `guess`, `z`: as `ac_plant_node.model.rhs`; `y0`, `f0`,
-    `y1`, `f1`, `aux_1`: ends of the last step, rates and results there; `u`: stages; `jac`, `lu`, `pivots`, `phi`:
-    matrices; `trial`, `s`, `rate`: work space.
+    `y`: state at the time read last; `held`, `drive`: inputs and faults, and what follows from them; `aux`, `guess`,
+    `z`: as `ac_plant_node.model.rhs`; `y0`, `f0`, `y1`, `f1`, `aux_1`: ends of the last step, rates and results there;
+    `u`: stages; `jac`, `lu`, `pivots`, `phi`: matrices; `trial`, `s`, `rate`: work space.
     """
 
     memory: Array
     held: Array
+    drive: Array
     y: Array
     aux: Array
     guess: Array
@@ -155,9 +165,10 @@ class Work(NamedTuple):
     rate: Array
 
 
+_NOMINAL_CHARGE = INDEX["charge_kg"]
 _N, _NN = N_STATES, N_STATES**2
 _ENDS = np.cumsum(
-    [N_MEMORY, 4, _N, N_AUX, 2, 56, _N, _N, _N, _N, N_AUX, 4 * _N, _NN, _NN, _N, 6 * _NN, _N, _N, _N]
+    [N_MEMORY, N_HELD, N_DRIVE, _N, N_AUX, 2, 56, _N, _N, _N, _N, N_AUX, 4 * _N, _NN, _NN, _N, 6 * _NN, _N, _N, _N]
 )  # fmt: skip
 N_WORK = int(_ENDS[-1])
 
@@ -167,22 +178,22 @@ def views(work: Array) -> Work:
     """The parts of the array of an integration."""
     n, e = N_STATES, _ENDS
     return Work(
-        work[: e[0]], work[e[0] : e[1]], work[e[1] : e[2]], work[e[2] : e[3]], work[e[3] : e[4]],
-        work[e[4] : e[5]].reshape(7, 8), work[e[5] : e[6]], work[e[6] : e[7]], work[e[7] : e[8]], work[e[8] : e[9]],
-        work[e[9] : e[10]], work[e[10] : e[11]].reshape(4, n), work[e[11] : e[12]].reshape(n, n),
-        work[e[12] : e[13]].reshape(n, n), work[e[13] : e[14]], work[e[14] : e[15]].reshape(6, n, n),
-        work[e[15] : e[16]], work[e[16] : e[17]], work[e[17] : e[18]],
+        work[: e[0]], work[e[0] : e[1]], work[e[1] : e[2]], work[e[2] : e[3]], work[e[3] : e[4]], work[e[4] : e[5]],
+        work[e[5] : e[6]].reshape(7, 8), work[e[6] : e[7]], work[e[7] : e[8]], work[e[8] : e[9]], work[e[9] : e[10]],
+        work[e[10] : e[11]], work[e[11] : e[12]].reshape(4, n), work[e[12] : e[13]].reshape(n, n),
+        work[e[13] : e[14]].reshape(n, n), work[e[14] : e[15]], work[e[15] : e[16]].reshape(6, n, n),
+        work[e[16] : e[17]], work[e[17] : e[18]], work[e[18] : e[19]],
     )  # fmt: skip
 
 
 @jit
-def _rate(k: Work, y: Array, dy: Array, par: Array, tab: Tables) -> int:
-    """Right-hand side in terms of the integration vector y."""
+def _rate(k: Work, t: float, y: Array, dy: Array, par: Array, tab: Tables) -> int:
+    """Right-hand side in terms of the integration vector y, `t` seconds after the last change of inputs."""
     for i in range(N_STATES):
         k.s[i] = y[i]
-    k.s[5] = k.memory[CHARGE] - y[0]
-    status = rhs(k.s, k.held, par, tab, k.guess, k.z, dy, k.aux)
-    dy[5] = k.aux[HEAT_IN]
+    k.s[5] = k.memory[CHARGE] - k.memory[LEAK_RATE] * t - y[0]
+    status = rhs(k.s, k.drive, par, tab, k.guess, k.z, dy, k.aux)
+    dy[5] = k.aux[HEAT_IN] - k.memory[LEAK_RATE] * y[8]
     return status
 
 
@@ -232,16 +243,17 @@ def _substitute(a: Array, pivots: Array, b: Array) -> None:
 def _jacobian(k: Work, par: Array, tab: Tables) -> None:
     """Jacobian of the rates at y0, where they are f0, by forward differences, backward where those leave the tables.
 
-    Only what depends on a component is evaluated again: wall temperatures (3, 4, 9, 10, 11) move neither pressures nor
-    zones, the condenser's energy and first zone (6, 7) not the evaporator.
+    Only what depends on a component is evaluated again: wall temperatures (3, 4, 9, 10, 11) move no pressure,
+    zone or mass flow, the condenser's energy and first zone (6, 7) not the evaporator.
     """
-    n, s, dy, trial = N_STATES, k.s, k.rate, k.trial
-    charge = k.memory[CHARGE]
+    n, s, dy, trial, now, leak = N_STATES, k.s, k.rate, k.trial, k.memory[T_LAST], k.memory[LEAK_RATE]
+    charge = k.memory[CHARGE] - leak * now
     for i in range(n):
         s[i] = k.y0[i]
     s[5] = charge - k.y0[0]
     ev, suction, _ = evaporator_zones(s, par, tab, k.guess[0])
-    co, _ = condenser_zones(s, suction, par, tab, k.guess[1])
+    co, _ = condenser_zones(s, k.drive, suction, par, tab, k.guess[1])
+    flow = flows(ev, co, suction, s[8], k.drive, par, tab)
     for j in range(n):
         if j == 5:
             for i in range(n):
@@ -253,23 +265,24 @@ def _jacobian(k: Work, par: Array, tab: Tables) -> None:
         failed = 0
         if j == 3 or j == 4 or j >= 9:
             s[j] = trial[j]
-            balances(s, k.held, par, tab, ev, suction, co, k.z, dy, k.aux)
-            dy[5] = k.aux[HEAT_IN]
+            balances(s, k.drive, par, ev, suction, co, flow, k.z, dy, k.aux)
+            dy[5] = k.aux[HEAT_IN] - leak * s[8]
             s[j] = k.y0[j]
         elif j == 6 or j == 7:
             s[j] = trial[j]
-            other, failed = condenser_zones(s, suction, par, tab, co.p)
-            balances(s, k.held, par, tab, ev, suction, other, k.z, dy, k.aux)
-            dy[5] = k.aux[HEAT_IN]
+            other, failed = condenser_zones(s, k.drive, suction, par, tab, co.p)
+            flow_2 = flows(ev, other, suction, s[8], k.drive, par, tab)
+            balances(s, k.drive, par, ev, suction, other, flow_2, k.z, dy, k.aux)
+            dy[5] = k.aux[HEAT_IN] - leak * s[8]
             s[j] = k.y0[j]
         else:
-            failed = _rate(k, trial, dy, par, tab)
+            failed = _rate(k, now, trial, dy, par, tab)
             for i in range(n):
                 s[i] = k.y0[i]
             s[5] = charge - k.y0[0]
         if failed != 0:
             trial[j] = k.y0[j] - _DIFFERENCE[j]
-            _rate(k, trial, dy, par, tab)
+            _rate(k, now, trial, dy, par, tab)
             for i in range(n):
                 s[i] = k.y0[i]
             s[5] = charge - k.y0[0]
@@ -362,11 +375,11 @@ def _make_phi(k: Work, h: float) -> None:
 
 
 @jit
-def _remainder(k: Work, d: Array, out: Array, par: Array, tab: Tables) -> int:
-    """``N = f(y0 + d) - f0 - J d`` in `out`; 0, or 1 when there is no f."""
+def _remainder(k: Work, after: float, d: Array, out: Array, par: Array, tab: Tables) -> int:
+    """``N = f(y0 + d) - f0 - J d`` in `out`, `after` seconds into the step; 0, or 1 when there is no f."""
     for i in range(N_STATES):
         k.trial[i] = k.y0[i] + d[i]
-    failed = _rate(k, k.trial, out, par, tab)
+    failed = _rate(k, k.memory[T_LAST] + after, k.trial, out, par, tab)
     for i in range(N_STATES):
         v = out[i] - k.f0[i]
         for j in range(N_STATES):
@@ -409,21 +422,21 @@ def _exponential_step(k: Work, h: float, par: Array, tab: Tables) -> bool:
             for j in range(N_STATES):
                 v += k.phi[PHI_HALF, i, j] * k.f0[j]
             d[i] = 0.5 * h * v
-        ok = _remainder(k, d, b, par, tab) == 0
+        ok = _remainder(k, 0.5 * h, d, b, par, tab) == 0
         if ok:
             for i in range(N_STATES):
                 v = 0.0
                 for j in range(N_STATES):
                     v += k.phi[PHI_1, i, j] * k.f0[j] + 2.0 * k.phi[PHI_2, i, j] * b[j]
                 d[i] = h * v
-            ok = _remainder(k, d, a, par, tab) == 0
+            ok = _remainder(k, h, d, a, par, tab) == 0
         if ok:
             for i in range(N_STATES):
                 end = a[i]
                 b[i] = 2.0 * end - 4.0 * b[i]
                 a[i] = end - b[i]
             error = _exponential_state(k, 1.0, h, k.y1)
-            if error <= MAX_PHI_ERROR and _rate(k, k.y1, k.f1, par, tab) == 0:
+            if error <= MAX_PHI_ERROR and _rate(k, memory[T_LAST] + h, k.y1, k.f1, par, tab) == 0:
                 memory[H_LAST], memory[EXPONENTIAL] = h, 1.0
                 memory[N_STEPS] += 1.0
                 memory[AGE] += 1.0
@@ -461,7 +474,7 @@ def _rosenbrock_step(k: Work, par: Array, tab: Tables) -> int:
                         for m in range(stage):
                             v += _A[stage, m] * u[m, i]
                         k.trial[i] = v
-                    if _rate(k, k.trial, u[stage], par, tab) != 0:
+                    if _rate(k, memory[T_LAST] + h * _SHARE[stage], k.trial, u[stage], par, tab) != 0:
                         ok = False
                         break
                     for i in range(n):
@@ -486,7 +499,7 @@ def _rosenbrock_step(k: Work, par: Array, tab: Tables) -> int:
                     e *= MAX_ERROR / MAX_SHAPE_ERROR
                 kept += e * e
             error, kept = np.sqrt(error / n), np.sqrt(kept / n)
-            ok = error == error and _rate(k, y1, k.f1, par, tab) == 0
+            ok = error == error and _rate(k, memory[T_LAST] + h, y1, k.f1, par, tab) == 0
         # A step accepted in spite of its error estimate must at least not throw the outlets' enthalpies about.
         calm = abs(y1[2] - y0[2]) < MAX_JUMP_J_KG and abs(y1[8] - y0[8]) < MAX_JUMP_J_KG
         if ok and (error <= 1.0 or (h <= MIN_STEP_S * 1.0001 and kept < MAX_ERROR and calm)):
@@ -523,9 +536,34 @@ def _powers(aux: Array) -> float:
 
 
 @jit
+def _leaked(k: Work, after: float) -> float:
+    """Energy (J) that leaks in the first `after` seconds of the last step: the integral of its interpolant's h_c3."""
+    rate, h = k.memory[LEAK_RATE], k.memory[H_LAST]
+    if rate == 0.0 or h == 0.0:
+        return 0.0
+    t = after / h
+    ends = t * t * t * (1.0 - 0.5 * t) * (k.y1[8] - k.y0[8])
+    slopes = t * t * (0.5 - t * (2.0 / 3.0 - 0.25 * t)) * k.f0[8] + t * t * t * (0.25 * t - 1.0 / 3.0) * k.f1[8]
+    energy: float = rate * h * (t * k.y0[8] + ends + h * slopes)
+    return energy
+
+
+@jit
+def _stop_leak(k: Work, par: Array, tab: Tables) -> int:
+    """End a leak at the start of a step when too little is left to leak; 0 or 1 as `rhs`."""
+    memory = k.memory
+    left = memory[CHARGE] - memory[LEAK_RATE] * memory[T_LAST]
+    if memory[LEAK_RATE] == 0.0 or left > LEAST_CHARGE * par[_NOMINAL_CHARGE]:
+        return 0
+    memory[CHARGE], memory[LEAK_RATE], k.drive[LEAK] = left, 0.0, 0.0
+    return _rate(k, memory[T_LAST], k.y0, k.f0, par, tab)
+
+
+@jit
 def _read(k: Work, par: Array, tab: Tables, after: float) -> int:
     """State `after` seconds from the start of the last step in `y`, results there in `aux`; 0 or 1 as `rhs`."""
     h = k.memory[H_LAST]
+    k.memory[LEAKED_NOW_J] = k.memory[LEAKED_J] + _leaked(k, after)
     if after == h:
         _copy(k.y1, k.y)
         _copy(k.aux_1, k.aux)
@@ -543,7 +581,7 @@ def _read(k: Work, par: Array, tab: Tables, after: float) -> int:
             k.y[i] = k.y0[i] + a * (k.y1[i] - k.y0[i]) + b * k.f0[i] + c * k.f1[i]
     # Reading results must not disturb the steps to come: the solver's warm start stays theirs.
     guess_e, guess_c = k.guess[0], k.guess[1]
-    status = _rate(k, k.y, k.rate, par, tab)
+    status = _rate(k, k.memory[T_LAST] + after, k.y, k.rate, par, tab)
     k.guess[0], k.guess[1] = guess_e, guess_c
     return status
 
@@ -552,9 +590,15 @@ def _read(k: Work, par: Array, tab: Tables, after: float) -> int:
 def _restart(k: Work, par: Array, tab: Tables) -> int:
     """Begin anew at `y` with other inputs; 0 or 1 as `rhs`."""
     memory = k.memory
+    memory[CHARGE] -= memory[LEAK_RATE] * memory[T_HELD]
+    memory[LEAKED_J] = memory[LEAKED_NOW_J]
+    set_drive(k.held, par, k.drive)
+    if memory[CHARGE] <= LEAST_CHARGE * par[_NOMINAL_CHARGE]:
+        k.drive[LEAK] = 0.0
+    memory[LEAK_RATE] = k.drive[LEAK]
     for i in range(N_STATES):
         k.y0[i] = k.y1[i] = k.y[i]
-    status = _rate(k, k.y1, k.f1, par, tab)
+    status = _rate(k, 0.0, k.y1, k.f1, par, tab)
     _copy(k.aux, k.aux_1)
     memory[POWERS] = _powers(k.aux)
     memory[FIRST] = FIRST_STEP_S if memory[T_HELD] <= 0.0 else min(memory[T_HELD], FIRST_STEP_S)
@@ -573,8 +617,8 @@ def run(work: Array, par: Array, tab: Tables, inputs: Array, duration_s: float, 
         From `new_work`.
     par, tab
         As `ac_plant_node.model.rhs`.
-    inputs : (4,) array
-        As `ac_plant_node.model.rhs`.
+    inputs : (N_HELD,) array
+        Inputs and faults as in `ac_plant_node.inputs`.
     duration_s : float
         Resolved to a nanosecond.
     out : (4,) array
@@ -587,11 +631,11 @@ def run(work: Array, par: Array, tab: Tables, inputs: Array, duration_s: float, 
     """
     k = views(work)
     changed = False
-    for i in range(4):
+    for i in range(N_HELD):
         if not np.isfinite(inputs[i]):
             return NOT_FINITE
-    for i in range(4):
-        w = min(max(inputs[i], INPUT_LOW[i]), INPUT_HIGH[i])
+    for i in range(N_HELD):
+        w = min(max(inputs[i], HELD_LOW[i]), HELD_HIGH[i])
         changed = changed or w != k.held[i]
         k.held[i] = w
     if changed and _restart(k, par, tab) != 0:
@@ -601,10 +645,13 @@ def run(work: Array, par: Array, tab: Tables, inputs: Array, duration_s: float, 
     memory[CLOCK_NS] += round(duration_s * 1.0e9)
     until = memory[CLOCK_NS] * 1.0e-9
     while memory[T_LAST] + memory[H_LAST] < until:
+        memory[LEAKED_J] += _leaked(k, memory[H_LAST])
         memory[T_LAST] += memory[H_LAST]
         for i in range(N_STATES):
             k.y0[i] = k.y1[i]
             k.f0[i] = k.f1[i]
+        if _stop_leak(k, par, tab) != 0:
+            return OUTSIDE
         first, memory[FIRST], memory[EXPONENTIAL] = memory[FIRST], 0.0, 0.0
         if not (first > 0.0 and _exponential_step(k, first, par, tab)) and _rosenbrock_step(k, par, tab) != 0:
             return OUTSIDE

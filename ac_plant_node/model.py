@@ -38,6 +38,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ac_plant_node.compiled import Array, jit
+from ac_plant_node.dynamics.drive import AIR as _AIR
+from ac_plant_node.dynamics.drive import ETA_S, G_C, G_E, LEAK, PASSED_E, RATIO, SPEED, T_AIR_C, T_AIR_E, V_D, VALVE
+from ac_plant_node.dynamics.moist_air import condensation
 from ac_plant_node.lookup import Saturation, liquid, vapour, vapour_entropy
 from ac_plant_node.parameters import INDEX
 from ac_plant_node.tables import Tables
@@ -56,17 +59,14 @@ STATE_NAMES = (
     "zeta_e1", "p_e", "h_e2", "T_e1w", "T_e2w", "zeta_c1", "zeta_c2", "p_c", "h_c3", "T_c1w", "T_c2w", "T_c3w",
 )  # fmt: skip
 """Names of the public state x."""
-INPUT_LOW = np.array([0.0, 0.0, 0.02, 10.0])
-"""Lowest inputs: rad/s, opening 0..1, kg/s, degC."""
-INPUT_HIGH = np.array([6000.0 * math.pi / 30.0, 1.0, 0.3, 50.0])
-"""Highest inputs: 6000 rpm, valve fully open, 0.3 kg/s, 50 degC."""
 
 # Positions in the array of auxiliary results.
 X, P_E, P_C = 0, 1, 7  # the public state, 12 numbers, with the pressures in it
 M_COMPRESSOR, M_VALVE, Q_EVAPORATOR, Q_AIR_E, Q_AIR_C, POWER = 12, 13, 14, 15, 16, 17
 H_DISCHARGE, SUPERHEAT, SUBCOOLING, REGIME_E, REGIME_C, ETA_V = 18, 19, 20, 21, 22, 23
 VOID_E, VOID_C, HEAT_IN, WALL_E2, MASS, ENERGY = 24, 25, 26, 27, 28, 29
-N_AUX = 30
+LATENT, WATER, FROST = 30, 31, 32  # W; kg/s of water on the evaporator, and of it what falls on walls below 0 degC
+N_AUX = 33
 
 # Parameter positions, as compile-time constants.
 _VE, _AE, _CE = INDEX["evaporator_volume_m3"], INDEX["evaporator_inner_area_m2"], INDEX["evaporator_wall_j_k"]
@@ -77,10 +77,7 @@ _CSH, _CTP, _CSC = (
     INDEX["condenser_two_phase_w_m2k"],
     INDEX["condenser_subcooled_w_m2k"],
 )
-_EUA, _EMA, _EXP = INDEX["evaporator_air_ua_w_k"], INDEX["evaporator_air_nominal_kg_s"], INDEX["air_ua_exponent"]
-_CUA, _CMA, _CTA = INDEX["condenser_air_ua_w_k"], INDEX["condenser_air_kg_s"], INDEX["condenser_air_inlet_k"]
-_CP = INDEX["air_cp_j_kgk"]
-_VD, _ETAS = INDEX["displacement_m3_rev"], INDEX["isentropic_efficiency"]
+_ETAS = INDEX["isentropic_efficiency"]
 _EV0, _EV1, _EV2 = INDEX["eta_v_offset"], INDEX["eta_v_pressure_ratio"], INDEX["eta_v_speed"]
 _AV0, _AV1, _AV2 = INDEX["valve_area_0_m2"], INDEX["valve_area_1_m2"], INDEX["valve_area_2_m2"]
 _CD = INDEX["valve_discharge_coefficient"]
@@ -185,10 +182,14 @@ class Suction(NamedTuple):
 
 
 class Flows(NamedTuple):
-    """Mass flows (kg/s), volumetric efficiency, subcooling at the condenser's outlet (K)."""
+    """Mass flows (kg/s), volumetric efficiency, subcooling at the condenser's outlet (K).
+
+    `m_c` through the compressor, `m_v` through the valve, `m_out` out of the condenser: the valve's and what leaks.
+    """
 
     m_c: float
     m_v: float
+    m_out: float
     eta_v: float
     subcooling: float
 
@@ -197,8 +198,9 @@ class Heat(NamedTuple):
     """Heat flows (W) and wall temperatures (K).
 
     `q_e1` .. `q_c3`: wall to refrigerant, per unit of zone length; `q_e`, `q_c` their sums over the zones; `air_e`,
-    `air_c` air to wall; `g_e`, `g_c` air-side conductances (W/K); `excess` how much hotter the evaporator's outlet is
-    than the hottest thing around it; `wet_c` 1 but for a condenser about to run out of liquid.
+    `air_c` air to wall; `excess` how much hotter the evaporator's outlet is than the hottest thing around it; `wet_c`
+    1 but for a condenser about to run out of liquid; `latent_1`, `latent_2` latent heat of the evaporator's zones, per
+    unit of zone length; `latent`, `water`, `frost` latent heat and water (kg/s) of both.
     """
 
     tw_e1: float
@@ -215,11 +217,13 @@ class Heat(NamedTuple):
     q_c: float
     air_e: float
     air_c: float
-    g_e: float
-    g_c: float
-    t_air: float
     excess: float
     wet_c: float
+    latent_1: float
+    latent_2: float
+    latent: float
+    water: float
+    frost: float
 
 
 class Side(NamedTuple):
@@ -253,14 +257,14 @@ def _suction(ev: Evaporator, h_1: float, tab: Tables) -> Suction:
 
 
 @jit
-def _flows(ev: Evaporator, co: Condenser, suction: Suction, h_3: float, w: Array, par: Array, tab: Tables) -> Flows:
+def flows(ev: Evaporator, co: Condenser, suction: Suction, h_3: float, w: Array, par: Array, tab: Tables) -> Flows:
     """Compressor and valve: eta_v V_d (N/60) rho_1 and C_d A sqrt(2 rho_3 dp), with their limits."""
     p_high = tab.grid[8]
-    eta_v = eta_volumetric(par, co.p / ev.p, w[0] * (0.06 / _PI2))
+    eta_v = eta_volumetric(par, co.p / ev.p, w[SPEED] * (0.06 / _PI2))
     limit = _ramp((ev.p - _P_LOW_PA) / _P_LOW_SPAN_PA) * _ramp(
         (_HIGH_CUT_END * p_high - co.p) / ((_HIGH_CUT_END - _HIGH_CUT_START) * p_high)
     )
-    m_c = eta_v * par[_VD] * w[0] / _PI2 * suction.rho * limit
+    m_c = eta_v * w[V_D] * w[SPEED] / _PI2 * suction.rho * limit
     sat, choke, t_3 = co.sat, 0.0, co.sat.t
     if h_3 <= sat.h_f:
         rho_3, _, _, t_3 = liquid(tab, co.p, sat.ln_p, h_3, sat.h_f, sat.h_f_p)
@@ -272,13 +276,13 @@ def _flows(ev: Evaporator, co: Condenser, suction: Suction, h_3: float, w: Array
             rho_3, _, _, t_3 = vapour(tab, co.p, sat.ln_p, h_3, sat.h_g, sat.h_g_p)
         choke = _CHOKE_RATIO * min(x, 1.0)
     drop = _smooth_root(co.p - max(ev.p, choke * co.p))
-    m_v = par[_CD] * valve_area(par, w[1]) * math.sqrt(2.0 * rho_3) * drop
-    return Flows(m_c, m_v, eta_v, max(sat.t - t_3, 0.0))
+    m_v = par[_CD] * valve_area(par, w[VALVE]) * math.sqrt(2.0 * rho_3) * drop
+    return Flows(m_c, m_v, m_v + w[LEAK], eta_v, max(sat.t - t_3, 0.0))
 
 
 @jit
 def _heat(ev: Evaporator, co: Condenser, zeta_c3: float, superheat: float, s: Array, w: Array, par: Array) -> Heat:
-    """Heat between air, walls and refrigerant; the air meets every zone side by side."""
+    """Heat between air, walls and refrigerant; the air meets every zone side by side and leaves water on cold walls."""
     zeta_e2 = 1.0 - ev.zeta
     tw_e1, tw_e2 = s[3] + zeta_e2 * s[4], s[3] - ev.zeta * s[4]
     tw_c2 = s[9] - co.zeta_1 * s[10] - zeta_c3 * s[11]
@@ -287,23 +291,24 @@ def _heat(ev: Evaporator, co: Condenser, zeta_c3: float, superheat: float, s: Ar
     wet_c = min((1.0 - co.void_rest) / _DRY_LIQUID, 1.0)
     q_e1 = par[_AE] * (par[_ESH] + (par[_ETP] - par[_ESH]) * wet_e) * (tw_e1 - ev.sat.t)
     q_e2 = par[_AE] * par[_ESH] * (tw_e2 - ev.t_2)
-    t_air = w[3] + 273.15
     # Vapour that leaves as hot as the hottest thing around it takes up no more heat (a linear profile does not know).
-    excess = ev.sat.t + superheat - max(t_air, tw_e1, tw_e2)
+    excess = ev.sat.t + superheat - max(w[T_AIR_E], tw_e1, tw_e2)
     if ev.regime == 0 and q_e2 > 0.0:
         q_e2 *= 1.0 - _ramp(excess / _OUTLET_BAND_K)
     q_c1 = par[_AC] * par[_CSH] * (tw_c1 - (co.t_2 if co.regime == 2 else co.t_1))
     q_c2 = par[_AC] * (par[_CSH] + (par[_CTP] - par[_CSH]) * wet_c) * (tw_c2 - co.t_2)
     q_c3 = par[_AC] * par[_CSC] * (tw_c3 - co.t_3)
-    air = max(w[2], 1.0e-6)
-    g_e = air * par[_CP]
-    g_e *= 1.0 - math.exp(-par[_EUA] * (air / par[_EMA]) ** par[_EXP] / g_e)
-    g_c = par[_CMA] * par[_CP]
-    g_c *= 1.0 - math.exp(-par[_CUA] / g_c)
+    latent_1 = latent_2 = latent = water = frost = 0.0
+    if w[RATIO] > 0.0:
+        water_1, latent_1 = condensation(w[_AIR], w[RATIO], w[PASSED_E], w[T_AIR_E], tw_e1)
+        water_2, latent_2 = condensation(w[_AIR], w[RATIO], w[PASSED_E], w[T_AIR_E], tw_e2)
+        water, latent = ev.zeta * water_1 + zeta_e2 * water_2, ev.zeta * latent_1 + zeta_e2 * latent_2
+        frost = (ev.zeta * water_1 if tw_e1 < 273.15 else 0.0) + (zeta_e2 * water_2 if tw_e2 < 273.15 else 0.0)
     return Heat(
         tw_e1, tw_e2, tw_c1, tw_c2, tw_c3, q_e1, q_e2, q_c1, q_c2, q_c3,
         ev.zeta * q_e1 + zeta_e2 * q_e2, co.zeta_1 * q_c1 + co.zeta_2 * q_c2 + zeta_c3 * q_c3,
-        g_e * (t_air - s[3]), g_c * (par[_CTA] - s[9]), g_e, g_c, t_air, excess, wet_c,
+        w[G_E] * (w[T_AIR_E] - s[3]) + latent, w[G_C] * (w[T_AIR_C] - s[9]), excess, wet_c,
+        latent_1, latent_2, latent, water, frost,
     )  # fmt: skip
 
 
@@ -399,7 +404,7 @@ def _condenser_rows(
     z[6, 3] = zeta_3 * (co.rho_3 * co.h_3_p + under * co.rho_3_p - 1.0)
     z[6, 4], z[6, 5] = -under * co.rho_3, -under * co.rho_3
     z[6, 6] = max(zeta_3, _ZETA_FLOOR) * 0.5 * (co.rho_3 + under * co.rho_3_h)
-    z[6, 7] = (flow.m_v * (co.h_3 - under - h_c3) + zeta_3 * heat.q_c3) / side.volume
+    z[6, 7] = (flow.m_out * (co.h_3 - under - h_c3) + zeta_3 * heat.q_c3) / side.volume
     if h_c3 > sat.h_f:
         z[6, 7] += z[6, 6] * (sat.h_f - h_c3) / _TAU_OUTLET_S
     if side.own < 1.0:
@@ -476,7 +481,7 @@ def _descriptor(
                 inward_e, again = False, True
         if co.regime == 0 and inward_c:
             growth = zeta_c3 * (co.rho_3_p * z[3, 7] + co.half_3 * co.rho_3_h * z[6, 7])
-            if flow.m_v + vc * (growth - co.rho_3 * (z[4, 7] + z[5, 7])) < 0.0:
+            if flow.m_out + vc * (growth - co.rho_3 * (z[4, 7] + z[5, 7])) < 0.0:
                 inward_c, again = False, True
         if not limited and co.regime != 2:
             bound = heat.wet_c * z[4, 7] - (1.0 - heat.wet_c) * co.zeta_1 / _TAU_MIXED_S
@@ -498,6 +503,7 @@ def _wall_rates(
     own_e: float,
     own_c: float,
     s: Array,
+    w: Array,
     par: Array,
     ds: Array,
 ) -> None:
@@ -505,16 +511,16 @@ def _wall_rates(
     dzeta_e, dzeta_1, dzeta_3 = z[1, 7], z[4, 7], -z[4, 7] - z[5, 7]
     zeta_e2, d_e, d_1, d_3 = 1.0 - ev.zeta, s[4], s[10], s[11]
     up = _upwind(dzeta_e, min(ev.zeta, zeta_e2))
-    e_1 = (heat.g_e * (heat.t_air - heat.tw_e1) - heat.q_e1) / par[_CE]
+    e_1 = (w[G_E] * (w[T_AIR_E] - heat.tw_e1) + heat.latent_1 - heat.q_e1) / par[_CE]
     e_1 -= up * d_e * dzeta_e / max(ev.zeta, _ZETA_FLOOR)
-    e_2 = (heat.g_e * (heat.t_air - heat.tw_e2) - heat.q_e2) / par[_CE]
+    e_2 = (w[G_E] * (w[T_AIR_E] - heat.tw_e2) + heat.latent_2 - heat.q_e2) / par[_CE]
     e_2 -= (1.0 - up) * d_e * dzeta_e / max(zeta_e2, _ZETA_FLOOR)
     up_1, up_3 = _upwind(dzeta_1, min(co.zeta_1, co.zeta_2)), _upwind(dzeta_3, min(zeta_c3, co.zeta_2))
-    c_1 = (heat.g_c * (par[_CTA] - heat.tw_c1) - heat.q_c1) / par[_CC]
+    c_1 = (w[G_C] * (w[T_AIR_C] - heat.tw_c1) - heat.q_c1) / par[_CC]
     c_1 -= up_1 * d_1 * dzeta_1 / max(co.zeta_1, _ZETA_FLOOR)
-    c_3 = (heat.g_c * (par[_CTA] - heat.tw_c3) - heat.q_c3) / par[_CC]
+    c_3 = (w[G_C] * (w[T_AIR_C] - heat.tw_c3) - heat.q_c3) / par[_CC]
     c_3 -= up_3 * d_3 * dzeta_3 / max(zeta_c3, _ZETA_FLOOR)
-    c_2 = (heat.g_c * (par[_CTA] - heat.tw_c2) - heat.q_c2) / par[_CC]
+    c_2 = (w[G_C] * (w[T_AIR_C] - heat.tw_c2) - heat.q_c2) / par[_CC]
     c_2 -= ((1.0 - up_1) * d_1 * dzeta_1 + (1.0 - up_3) * d_3 * dzeta_3) / max(co.zeta_2, _ZETA_FLOOR)
     own_1 = _ramp(co.zeta_1 / _ZETA_FLOOR)
     ds[3] = (heat.air_e - heat.q_e) / par[_CE]
@@ -578,6 +584,7 @@ def _write_results(
     aux[H_DISCHARGE], aux[SUPERHEAT], aux[SUBCOOLING] = co.h_d, suction.superheat, flow.subcooling
     aux[REGIME_E], aux[REGIME_C], aux[VOID_E], aux[VOID_C] = ev.regime, co.regime, ev.void, co.void_rest
     aux[WALL_E2] = heat.tw_e2 if ev.zeta < 1.0 else heat.tw_e1
+    aux[LATENT], aux[WATER], aux[FROST] = heat.latent, heat.water, heat.frost
     aux[MASS], aux[ENERGY] = _inventory(ev, co, zeta_c3, par)
 
 
@@ -589,8 +596,8 @@ def rhs(s: Array, w: Array, par: Array, tab: Tables, guess: Array, z: Array, ds:
     ----------
     s : (12,) array
         Integration state, see the module's docstring.
-    w : (4,) array
-        Inputs: compressor speed rad/s, valve opening 0..1, evaporator air kg/s, its inlet temperature degC.
+    w : (N_DRIVE,) array
+        Inputs, faults and what follows from them, from `ac_plant_node.dynamics.drive`.
     par : array
         `ac_plant_node.parameters.Parameters.array`.
     tab : Tables
@@ -609,10 +616,10 @@ def rhs(s: Array, w: Array, par: Array, tab: Tables, guess: Array, z: Array, ds:
         0, or 1 when no pressure inside the tables fits the mass and energy of a heat exchanger.
     """
     ev, suction, failed_e = evaporator_zones(s, par, tab, guess[0])
-    co, failed_c = condenser_zones(s, suction, par, tab, guess[1])
+    co, failed_c = condenser_zones(s, w, suction, par, tab, guess[1])
     if failed_e == 0 and failed_c == 0:
         guess[0], guess[1] = ev.p, co.p
-    balances(s, w, par, tab, ev, suction, co, z, ds, aux)
+    balances(s, w, par, ev, suction, co, flows(ev, co, suction, s[8], w, par, tab), z, ds, aux)
     return max(failed_e, failed_c)
 
 
@@ -624,10 +631,12 @@ def evaporator_zones(s: Array, par: Array, tab: Tables, start: float) -> tuple[E
 
 
 @jit
-def condenser_zones(s: Array, suction: Suction, par: Array, tab: Tables, start: float) -> tuple[Condenser, int]:
-    """Zones of the condenser, 0 or 1 as `solve_condenser`: of s[2, 5, 6, 7, 8] and `suction`."""
+def condenser_zones(
+    s: Array, w: Array, suction: Suction, par: Array, tab: Tables, start: float
+) -> tuple[Condenser, int]:
+    """Zones of the condenser, 0 or 1 as `solve_condenser`: of s[2, 5, 6, 7, 8], `suction` and the drive `w`."""
     zeta_1 = min(max(s[7], 0.0), 0.98)
-    return solve_condenser(start, s[5] / par[_VC], s[6] / par[_VC], zeta_1, s[8], suction.s, s[2], par[_ETAS], tab)
+    return solve_condenser(start, s[5] / par[_VC], s[6] / par[_VC], zeta_1, s[8], suction.s, s[2], w[ETA_S], tab)
 
 
 @jit
@@ -635,27 +644,26 @@ def balances(
     s: Array,
     w: Array,
     par: Array,
-    tab: Tables,
     ev: Evaporator,
     suction: Suction,
     co: Condenser,
+    flow: Flows,
     z: Array,
     ds: Array,
     aux: Array,
 ) -> None:
-    """Rates and auxiliary results of `rhs`, given the zones of `s`."""
+    """Rates and auxiliary results of `rhs`, given the zones of `s` and the mass flows."""
     zeta_c3 = 1.0 - co.zeta_1 - co.zeta_2 if co.regime == 0 else 0.0
-    flow = _flows(ev, co, suction, s[8], w, par, tab)
     heat = _heat(ev, co, zeta_c3, suction.superheat, s, w, par)
     # Conserved quantities: exact whatever the zones do.
     ds[0], ds[1] = flow.m_v - flow.m_c, flow.m_v * s[8] - flow.m_c * s[2] + heat.q_e
-    ds[5], ds[6] = flow.m_c - flow.m_v, flow.m_c * co.h_d - flow.m_v * s[8] + heat.q_c
+    ds[5], ds[6] = flow.m_c - flow.m_out, flow.m_c * co.h_d - flow.m_out * s[8] + heat.q_c
     # Zones shorter than the floor fade into the law of the regime next to theirs, so that rates are continuous.
     own_e = _ramp(ev.zeta / _ZETA_FLOOR) * _ramp((1.0 - ev.zeta) / _ZETA_FLOOR)
     own_c = _ramp(zeta_c3 / _ZETA_FLOOR)
     _descriptor(z, ev, co, suction, flow, heat, zeta_c3, own_e, own_c, (ds[0], ds[1], ds[5], ds[6]), s, par)
     ds[2], ds[7], ds[8] = z[2, 7], z[4, 7], z[6, 7]
-    _wall_rates(z, ev, co, heat, zeta_c3, own_e, own_c, s, par, ds)
+    _wall_rates(z, ev, co, heat, zeta_c3, own_e, own_c, s, w, par, ds)
     _write_results(aux, ev, co, suction, flow, heat, zeta_c3, s, par)
 
 

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_plant_node import model, zones
+from ac_plant_node.dynamics import moist_air
+from ac_plant_node.dynamics.drive import drive
 from ac_plant_node.lookup import Saturation
 from ac_plant_node.parameter_file import load_parameters
 from ac_plant_node.parameters import Parameters
@@ -31,7 +33,7 @@ class CoolPropModel:
     def __init__(self, parameters: Parameters | None = None) -> None:
         self.parameters = parameters or load_parameters()
         self.tab: Tables = load_tables(self.parameters.refrigerant)  # only its pressure limits are read
-        space: dict[str, Any] = {**vars(zones), **vars(model)}
+        space: dict[str, Any] = {**vars(moist_air), **vars(zones), **vars(model)}
         for name, value in list(space.items()):
             if hasattr(value, "py_func"):
                 space[name] = FunctionType(value.py_func.__code__, space, name)
@@ -41,7 +43,9 @@ class CoolPropModel:
 
     def rates(self, s: NDArray[np.float64], w: NDArray[np.float64]) -> NDArray[np.float64]:
         """Rates (12,) of an integration state; the auxiliary results are in `aux` afterwards."""
-        self._rhs(s, w, self.parameters.array, self.tab, self._guess, self._z, self._ds, self.aux)
+        self._rhs(
+            s, drive(w, self.parameters), self.parameters.array, self.tab, self._guess, self._z, self._ds, self.aux
+        )
         return self._ds.copy()
 
     def conserved(self, x: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from ac_plant_node import POINTS, Plant, model, operating_point
+from ac_plant_node.dynamics.drive import drive
 from ac_plant_node.integrator import ERROR_SCALE
 from ac_plant_node.parameter_file import load_parameters
 from ac_plant_node.tables import load_tables
@@ -33,9 +34,9 @@ def by_radau(point: str, inputs: NDArray[np.float64]) -> NDArray[np.float64]:
     tab = load_tables(par.refrigerant)
     guess, z, ds, aux = model.new_workspace()
     state, outputs = np.array(operating_point(point).conserved), []
-    for held in inputs:
+    for w in [drive(held, par) for held in inputs]:
 
-        def rates(_t: float, s: NDArray[np.float64], w: NDArray[np.float64] = held) -> NDArray[np.float64]:
+        def rates(_t: float, s: NDArray[np.float64], w: NDArray[np.float64] = w) -> NDArray[np.float64]:
             model.rhs(s, w, par.array, tab, guess, z, ds, aux)
             return ds.copy()
 

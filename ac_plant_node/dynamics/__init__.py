@@ -1,0 +1,1 @@
+"""The plant's equations and their integration, compiled."""
