@@ -39,8 +39,22 @@ import numpy as np
 
 from ac_plant_node.compiled import Array, jit
 from ac_plant_node.dynamics.drive import AIR as _AIR
-from ac_plant_node.dynamics.drive import ETA_S, G_C, G_E, LEAK, PASSED_E, RATIO, SPEED, T_AIR_C, T_AIR_E, V_D, VALVE
-from ac_plant_node.dynamics.moist_air import condensation
+from ac_plant_node.dynamics.drive import (
+    ETA_S,
+    G_C,
+    G_E,
+    HALF_E,
+    LEAK,
+    RATIO,
+    SPEED,
+    SPREAD_1,
+    SPREAD_2,
+    T_AIR_C,
+    T_AIR_E,
+    V_D,
+    VALVE,
+)
+from ac_plant_node.dynamics.moist_air import CP_WATER_J_KGK, condensation
 from ac_plant_node.lookup import Saturation, liquid, vapour, vapour_entropy
 from ac_plant_node.parameters import INDEX
 from ac_plant_node.tables import Tables
@@ -65,8 +79,9 @@ X, P_E, P_C = 0, 1, 7  # the public state, 12 numbers, with the pressures in it
 M_COMPRESSOR, M_VALVE, Q_EVAPORATOR, Q_AIR_E, Q_AIR_C, POWER = 12, 13, 14, 15, 16, 17
 H_DISCHARGE, SUPERHEAT, SUBCOOLING, REGIME_E, REGIME_C, ETA_V = 18, 19, 20, 21, 22, 23
 VOID_E, VOID_C, HEAT_IN, WALL_E2, MASS, ENERGY = 24, 25, 26, 27, 28, 29
-LATENT, WATER, FROST = 30, 31, 32  # W; kg/s of water on the evaporator, and of it what falls on walls below 0 degC
-N_AUX = 33
+# Latent heat W, water that condenses kg/s, what of it falls on walls below 0 degC, its enthalpy as it leaves W.
+LATENT, WATER, FROST, DRAINED = 30, 31, 32, 33
+N_AUX = 34
 
 # Parameter positions, as compile-time constants.
 _VE, _AE, _CE = INDEX["evaporator_volume_m3"], INDEX["evaporator_inner_area_m2"], INDEX["evaporator_wall_j_k"]
@@ -200,7 +215,7 @@ class Heat(NamedTuple):
     `q_e1` .. `q_c3`: wall to refrigerant, per unit of zone length; `q_e`, `q_c` their sums over the zones; `air_e`,
     `air_c` air to wall; `excess` how much hotter the evaporator's outlet is than the hottest thing around it; `wet_c`
     1 but for a condenser about to run out of liquid; `latent_1`, `latent_2` latent heat of the evaporator's zones, per
-    unit of zone length; `latent`, `water`, `frost` latent heat and water (kg/s) of both.
+    unit of zone length; `latent`, `water`, `frost`, `drained` latent heat, water (kg/s) and its enthalpy, of both.
     """
 
     tw_e1: float
@@ -224,6 +239,7 @@ class Heat(NamedTuple):
     latent: float
     water: float
     frost: float
+    drained: float
 
 
 class Side(NamedTuple):
@@ -298,17 +314,20 @@ def _heat(ev: Evaporator, co: Condenser, zeta_c3: float, superheat: float, s: Ar
     q_c1 = par[_AC] * par[_CSH] * (tw_c1 - (co.t_2 if co.regime == 2 else co.t_1))
     q_c2 = par[_AC] * (par[_CSH] + (par[_CTP] - par[_CSH]) * wet_c) * (tw_c2 - co.t_2)
     q_c3 = par[_AC] * par[_CSC] * (tw_c3 - co.t_3)
-    latent_1 = latent_2 = latent = water = frost = 0.0
+    latent_1 = latent_2 = latent = water = frost = drained = 0.0
     if w[RATIO] > 0.0:
-        water_1, latent_1 = condensation(w[_AIR], w[RATIO], w[PASSED_E], w[T_AIR_E], tw_e1)
-        water_2, latent_2 = condensation(w[_AIR], w[RATIO], w[PASSED_E], w[T_AIR_E], tw_e2)
-        water, latent = ev.zeta * water_1 + zeta_e2 * water_2, ev.zeta * latent_1 + zeta_e2 * latent_2
-        frost = (ev.zeta * water_1 if tw_e1 < 273.15 else 0.0) + (zeta_e2 * water_2 if tw_e2 < 273.15 else 0.0)
+        spread_1, spread_2 = w[SPREAD_1] * (tw_e1 - ev.sat.t), w[SPREAD_2] * (tw_e2 - ev.t_2)
+        water_1, latent_1 = condensation(w[_AIR], w[RATIO], w[HALF_E], w[T_AIR_E], tw_e1, spread_1)
+        water_2, latent_2 = condensation(w[_AIR], w[RATIO], w[HALF_E], w[T_AIR_E], tw_e2, spread_2)
+        water_1, water_2 = ev.zeta * water_1, zeta_e2 * water_2
+        water, latent = water_1 + water_2, ev.zeta * latent_1 + zeta_e2 * latent_2
+        frost = (water_1 if tw_e1 < 273.15 else 0.0) + (water_2 if tw_e2 < 273.15 else 0.0)
+        drained = CP_WATER_J_KGK * (water_1 * (tw_e1 - 273.15) + water_2 * (tw_e2 - 273.15))
     return Heat(
         tw_e1, tw_e2, tw_c1, tw_c2, tw_c3, q_e1, q_e2, q_c1, q_c2, q_c3,
         ev.zeta * q_e1 + zeta_e2 * q_e2, co.zeta_1 * q_c1 + co.zeta_2 * q_c2 + zeta_c3 * q_c3,
         w[G_E] * (w[T_AIR_E] - s[3]) + latent, w[G_C] * (w[T_AIR_C] - s[9]), excess, wet_c,
-        latent_1, latent_2, latent, water, frost,
+        latent_1, latent_2, latent, water, frost, drained,
     )  # fmt: skip
 
 
@@ -584,7 +603,7 @@ def _write_results(
     aux[H_DISCHARGE], aux[SUPERHEAT], aux[SUBCOOLING] = co.h_d, suction.superheat, flow.subcooling
     aux[REGIME_E], aux[REGIME_C], aux[VOID_E], aux[VOID_C] = ev.regime, co.regime, ev.void, co.void_rest
     aux[WALL_E2] = heat.tw_e2 if ev.zeta < 1.0 else heat.tw_e1
-    aux[LATENT], aux[WATER], aux[FROST] = heat.latent, heat.water, heat.frost
+    aux[LATENT], aux[WATER], aux[FROST], aux[DRAINED] = heat.latent, heat.water, heat.frost, heat.drained
     aux[MASS], aux[ENERGY] = _inventory(ev, co, zeta_c3, par)
 
 

@@ -12,7 +12,7 @@ from ac_plant_node import integrator, model
 from ac_plant_node.dynamics.drive import OPENING, VALVE, default_held, outlet_air
 from ac_plant_node.dynamics.moist_air import relative_humidity
 from ac_plant_node.equilibrium import OperatingPoint, operating_point
-from ac_plant_node.inputs import INPUTS, N_INPUTS, N_PAPER, N_PHYSICS, TO_SI, fault_vector
+from ac_plant_node.inputs import INPUT_HIGH, INPUT_LOW, INPUTS, N_INPUTS, N_PAPER, N_PHYSICS, TO_SI, fault_vector
 from ac_plant_node.parameter_file import load_parameters
 from ac_plant_node.parameters import Parameters
 from ac_plant_node.tables import load_tables
@@ -153,13 +153,14 @@ class Plant:
         given = len(inputs)
         if not N_PAPER <= given <= N_INPUTS:
             raise ValueError(_FINITE)
+        told = self._told if self._actuator is None else self._told.copy()
         try:
-            self._told[:given] = inputs
+            told[:given] = inputs
         except ValueError as problem:
             raise ValueError(_FINITE) from problem
         if self._actuator is not None:
-            return self._step_of_faulty_valve(float(duration_s), self._actuator)
-        return self._run(self._told, float(duration_s))
+            return self._step_of_faulty_valve(told, float(duration_s), self._actuator)
+        return self._run(told, float(duration_s))
 
     def _run(self, held: NDArray[np.float64], duration_s: float) -> NDArray[np.float64]:
         outputs = np.empty(4)
@@ -172,17 +173,17 @@ class Plant:
             raise ValueError(_LEFT)
         return outputs
 
-    def _step_of_faulty_valve(self, duration_s: float, actuator: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _step_of_faulty_valve(
+        self, told: NDArray[np.float64], duration_s: float, actuator: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Step with a valve that is stuck or slow: the opening held is where it is, not where it is told to be."""
-        stuck, time_constant_s = actuator
-        held, command = self._told.copy(), float(self._told[OPENING])
-        if not math.isfinite(command):
-            return self._run(held, duration_s)  # which refuses it
-        command = min(max(command, 0.0), 1.0)
+        if not np.isfinite(told).all():
+            raise ValueError(_FINITE)
+        self._told = told
+        held, (stuck, time_constant_s) = told.copy(), actuator
+        holds, command = max(math.ceil(duration_s / LONGEST_STEP_S - 1e-9), 1), min(max(float(told[OPENING]), 0.0), 1.0)
         if stuck:
             holds, command, time_constant_s = 1, self._position, 0.0
-        else:
-            holds = max(round(duration_s / LONGEST_STEP_S + 0.499999), 1)
         for _ in range(holds):
             held[OPENING], self._position = valve_motion(self._position, command, time_constant_s, duration_s / holds)
             outputs = self._run(held, duration_s / holds)
@@ -223,7 +224,7 @@ class Plant:
             compressor_speed_rpm, valve_opening_percent, air_mass_flow_kg_s, air_inlet_temperature_c,
             condenser_air_mass_flow_kg_s, condenser_air_inlet_temperature_c, air_humidity_percent,
         )  # fmt: skip
-        w = self.inputs
+        w = self._told[:N_INPUTS].copy()
         for i, (row, value) in enumerate(zip(INPUTS, given, strict=True)):
             if value is not None:
                 w[i] = TO_SI[row.unit](value)
@@ -234,7 +235,7 @@ class Plant:
     def outputs(self) -> Outputs:
         """The outputs now."""
         a, k = self._aux, self._work
-        air_c, ratio = outlet_air(k.drive, self._par, a[model.X], a[model.X + 3], a[model.X + 4])
+        air_c, ratio = outlet_air(k.drive, self._par, a[model.Q_AIR_E], a[model.WATER], a[model.DRAINED])
         return Outputs(
             float(a[model.P_E]), float(a[model.SUPERHEAT]), float(a[model.WALL_E2]) - 273.15, float(a[model.P_C]),
             float(a[model.Q_AIR_E]), float(a[model.SUBCOOLING]), float(a[model.POWER]), float(a[model.LATENT]),
@@ -243,11 +244,8 @@ class Plant:
 
     @property
     def inputs(self) -> NDArray[np.float64]:
-        """The inputs held now (N_INPUTS,), as clipped to the permitted box; of a faulty valve its command."""
-        held = self._work.held[:N_INPUTS].copy()
-        if self._actuator is not None:
-            held[OPENING] = min(max(self._told[OPENING], 0.0), 1.0)
-        return held
+        """The inputs held now (N_INPUTS,), clipped to the permitted box; of a faulty valve its command."""
+        return np.clip(self._told[:N_INPUTS], INPUT_LOW, INPUT_HIGH)
 
     @property
     def valve_position(self) -> float:

@@ -1,8 +1,8 @@
 """The same model on CoolProp itself, without tables and without compiled code: slow, and independent of both.
 
 The functions of `ac_plant_node.model` are taken as plain Python and given look-ups that call CoolProp's equation of
-state. What differs from the plant is then exactly the property tables; and the time it takes is what tables and
-compiler save. For tests and benchmarks.
+state, and one for humid air that calls CoolProp's. What differs from the plant is then exactly the properties; and the
+time it takes is what tables and compiler save. For tests and benchmarks.
 """
 
 from types import FunctionType
@@ -10,6 +10,7 @@ from typing import Any
 
 import CoolProp
 import numpy as np
+from CoolProp.HumidAirProp import HAPropsSI
 from numpy.typing import NDArray
 
 from ac_plant_node import model, zones
@@ -57,6 +58,10 @@ class CoolPropModel:
 
 def coolprop_lookups(refrigerant: str) -> dict[str, Any]:
     """The functions of `ac_plant_node.lookup` by name, each a handful of CoolProp calls."""
+
+    def humidity_ratio(t_c: float, relative: float) -> float:
+        return float(HAPropsSI("W", "T", t_c + 273.15, "P", moist_air.PRESSURE_PA, "R", relative))
+
     fluid = CoolProp.AbstractState("HEOS", refrigerant)
     i_t, i_h, i_d, i_s, i_p = CoolProp.iT, CoolProp.iHmass, CoolProp.iDmass, CoolProp.iSmass, CoolProp.iP
 
@@ -104,5 +109,5 @@ def coolprop_lookups(refrigerant: str) -> dict[str, Any]:
 
     return {
         "saturation": saturation, "vapour": vapour, "vapour_entropy": vapour_entropy, "isentrope": isentrope,
-        "liquid": liquid,
+        "liquid": liquid, "humidity_ratio": humidity_ratio,
     }  # fmt: skip

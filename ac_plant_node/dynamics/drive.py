@@ -38,14 +38,17 @@ _OFFSET, _DISPLACEMENT, _EFFICIENCY, LEAK = (
 _C_FOULED, _C_FAN, _E_FOULED = (
     N_INPUTS + FAULT[kind] for kind in ("condenser_fouling", "condenser_fan", "evaporator_fouling")
 )
-VALVE, V_D, ETA_S, T_AIR_E, T_AIR_C, G_E, G_C, RATIO, PASSED_E = range(N_HELD, N_HELD + 9)
+VALVE, V_D, ETA_S, T_AIR_E, T_AIR_C, G_E, G_C, RATIO, HALF_E, SPREAD_1, SPREAD_2 = range(N_HELD, N_HELD + 11)
 """What follows: true opening of the valve, displacement m3, isentropic efficiency, air at the inlets K, air-side
-conductances W/K, humidity ratio at the evaporator's inlet, exp(-NTU) of the evaporator."""
-N_DRIVE = N_HELD + 9
+conductances W/K; of humid air its humidity ratio at the evaporator's inlet, exp(-NTU/2), and tanh(N/4) of both zones
+(see `ac_plant_node.dynamics.moist_air`)."""
+N_DRIVE = N_HELD + 11
 
 _EUA, _EMA, _EXP = INDEX["evaporator_air_ua_w_k"], INDEX["evaporator_air_nominal_kg_s"], INDEX["air_ua_exponent"]
 _CUA, _CMA, _CP = INDEX["condenser_air_ua_w_k"], INDEX["condenser_air_kg_s"], INDEX["air_cp_j_kgk"]
 _VD, _ETAS = INDEX["displacement_m3_rev"], INDEX["isentropic_efficiency"]
+_AE, _ETP = INDEX["evaporator_inner_area_m2"], INDEX["evaporator_two_phase_w_m2k"]
+_ESH = INDEX["evaporator_superheated_w_m2k"]
 _C_AIR_LEAST = float(INPUT_LOW[_C_AIR])  # what wind and warmth still move when the fan is dead
 
 
@@ -61,24 +64,26 @@ def set_drive(held: Array, par: Array, w: Array) -> None:
     w[RATIO] = humidity_ratio(w[AIR_C], w[_HUMIDITY]) if w[_HUMIDITY] > 0.0 else 0.0
     air = max(w[AIR], 1.0e-6)
     flow = air * (par[_CP] + w[RATIO] * CP_VAPOUR_J_KGK)
-    w[PASSED_E] = math.exp(-par[_EUA] * (1.0 - w[_E_FOULED]) * (air / par[_EMA]) ** par[_EXP] / flow)
-    w[G_E] = flow * (1.0 - w[PASSED_E])
+    ua = par[_EUA] * (1.0 - w[_E_FOULED]) * (air / par[_EMA]) ** par[_EXP]
+    w[G_E] = flow * (1.0 - math.exp(-ua / flow))
+    if w[RATIO] > 0.0:
+        w[HALF_E] = math.exp(-0.5 * ua / flow)
+        w[SPREAD_1] = math.tanh(0.25 * ua / flow / (1.0 + ua / (par[_AE] * par[_ETP])))
+        w[SPREAD_2] = math.tanh(0.25 * ua / flow / (1.0 + ua / (par[_AE] * par[_ESH])))
     air = max(w[_C_AIR] * (1.0 - w[_C_FAN]), _C_AIR_LEAST)
     flow = air * par[_CP]
     w[G_C] = flow * (1.0 - math.exp(-par[_CUA] * (1.0 - w[_C_FOULED]) * (air / par[_CMA]) ** par[_EXP] / flow))
 
 
 @jit
-def outlet_air(w: Array, par: Array, zeta: float, t_wall_1: float, t_wall_2: float) -> tuple[float, float]:
-    """Return temperature (degC) and humidity ratio of the air behind the evaporator, both zones' air mixed."""
-    cp, passed = par[_CP], w[PASSED_E]
-    t_1, t_2 = t_wall_1 - 273.15, t_wall_2 - 273.15
-    out_1, out_2 = t_1 + passed * (w[AIR_C] - t_1), t_2 + passed * (w[AIR_C] - t_2)
-    left_1 = w[RATIO] - (1.0 - passed) * max(w[RATIO] - humidity_ratio(t_1, 1.0), 0.0)
-    left_2 = w[RATIO] - (1.0 - passed) * max(w[RATIO] - humidity_ratio(t_2, 1.0), 0.0)
-    ratio = zeta * left_1 + (1.0 - zeta) * left_2
-    h = zeta * enthalpy(out_1, left_1, cp) + (1.0 - zeta) * enthalpy(out_2, left_2, cp)
-    return temperature(h, ratio, cp), ratio
+def outlet_air(w: Array, par: Array, heat: float, water: float, drained: float) -> tuple[float, float]:
+    """Return temperature (degC) and humidity ratio of the air behind the evaporator, by its balances.
+
+    `heat` (W) is what the air has given to the wall, `water` (kg/s) and `drained` (W) what has run off and the enthalpy
+    of it.
+    """
+    ratio = w[RATIO] - water / w[AIR]
+    return temperature(enthalpy(w[AIR_C], w[RATIO], par[_CP]) - (heat + drained) / w[AIR], ratio, par[_CP]), ratio
 
 
 def default_held(parameters: Parameters) -> NDArray[np.float64]:
@@ -112,6 +117,6 @@ def drive(
     faults : (N_FAULTS,) array, optional
         SI, in the order of `ac_plant_node.inputs.FAULTS`; none by default.
     """
-    w = np.empty(N_DRIVE)
+    w = np.zeros(N_DRIVE)
     set_drive(held_inputs(inputs, parameters, faults), parameters.array, w)
     return w

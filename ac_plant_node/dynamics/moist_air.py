@@ -12,6 +12,11 @@ Dehumidifying Coils):
 
 ``t_out = T_w + (t_in - T_w) exp(-NTU)``, ``W_out = W_s + (W_in - W_s) exp(-NTU)``, ``W_s = min(W_sat(T_w), W_in)``.
 
+The refrigerant takes up more heat where the air comes in, so a wall of mean temperature `T_w` over a refrigerant at
+`T_r` is warmer there and colder where the air leaves. With heat falling off as ``exp(-N x)`` along the path, ``N`` that
+of air and refrigerant side together, the two halves of the path are ``(T_w - T_r) tanh(N/4)`` above and below the mean.
+Condensation, which is bent over temperature, is taken half by half; sensible heat, as in dry air, from the mean.
+
 The water leaves as liquid at the wall's temperature; the wall takes up ``m [h_in - h_out - (W_in - W_out) c_w T_w]``.
 Below 0 degC saturation is that over ice; the heat of fusion is left out, as the frost gives it back when it melts.
 """
@@ -64,22 +69,27 @@ def temperature(h: float, ratio: float, cp_air: float) -> float:
 
 
 @jit
-def condensation(air: float, ratio: float, passed: float, t_air: float, t_wall: float) -> tuple[float, float]:
-    """Return the water (kg/s) that a wall of one temperature takes out of the air, and the latent heat (W) with it.
+def condensation(
+    air: float, ratio: float, half: float, t_air: float, t_wall: float, spread: float
+) -> tuple[float, float]:
+    """Return the water (kg/s) that a zone's wall takes out of the air, and the latent heat (W) with it.
 
     Parameters
     ----------
     air, ratio : float
         Dry air, kg/s, and its humidity ratio at the inlet.
-    passed : float
-        ``exp(-NTU)``, the share of the driving differences that is left at the outlet.
+    half : float
+        ``exp(-NTU/2)``, the share of the driving differences that is left half way.
     t_air, t_wall : float
-        Air at the inlet and wall, K.
+        Air at the inlet, and mean of the wall, K.
+    spread : float
+        How much warmer than its mean the wall is in the half where the air comes in, K.
     """
     wall_c = t_wall - 273.15
-    over = ratio - humidity_ratio(wall_c, 1.0)
-    if over <= 0.0:
+    left = ratio - (1.0 - half) * max(ratio - humidity_ratio(wall_c + spread, 1.0), 0.0)
+    left -= (1.0 - half) * max(left - humidity_ratio(wall_c - spread, 1.0), 0.0)
+    water = air * (ratio - left)
+    if water <= 0.0:
         return 0.0, 0.0
-    water = air * (1.0 - passed) * over
-    out_c = wall_c + passed * (t_air - t_wall)
+    out_c = wall_c + half * half * (t_air - t_wall)
     return water, water * (H_VAPOUR_J_KG + CP_VAPOUR_J_KGK * out_c - CP_WATER_J_KGK * wall_c)
