@@ -62,10 +62,8 @@ class _Model:
         return self.moved(e), self.moved(-e)
 
     def by_w(self, column: int) -> tuple[Result, Result, float]:
-        """Return `moved` by a step of an input to either side, and their distance; one-sided where faults begin."""
+        """Return `moved` by a step of an input to either side, of a fault too, and their distance."""
         step = float(_STEP[column])
-        if column >= N_INPUTS and FAULTS[column - N_INPUTS].low == 0.0:
-            return self.moved(column=column, dw=step), self.moved(), step
         return self.moved(column=column, dw=step), self.moved(column=column, dw=-step), 2.0 * step
 
 
