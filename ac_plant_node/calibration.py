@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_plant_node import model
-from ac_plant_node.dynamics.drive import drive
+from ac_plant_node.dynamics.drive import default_held, drive
+from ac_plant_node.inputs import INPUT, INPUTS, N_INPUTS, N_PAPER, TO_SI
 from ac_plant_node.lookup import saturation, vapour
 from ac_plant_node.parameter_file import load_parameters
 from ac_plant_node.parameters import SOLVED, Parameters, TableRow, parameter_range
 from ac_plant_node.tables import VAPOUR_SPAN_J_KG, Tables, load_tables
-from bringup.units import RPM
 
 
 @dataclass(frozen=True)
@@ -54,11 +54,14 @@ def starting_state(tab: Tables, pe: float, h_e2: float, pc: float, air_c: float)
 
 
 def row_inputs(row: TableRow, parameters: Parameters) -> NDArray[np.float64]:
-    """Inputs (4,) of an operating point: speed rad/s, opening 0..1, air kg/s, its inlet temperature degC."""
-    air = parameters["evaporator_air_nominal_kg_s"] if row.air_mass_flow_kg_s is None else row.air_mass_flow_kg_s
-    return np.array(
-        [row.compressor_speed_rpm * RPM, row.valve_opening_percent / 100.0, air, row.air_inlet_temperature_c]
-    )
+    """Inputs of an operating point, (4,) or, where a row tells of the condenser's air or of humidity, (N_INPUTS,)."""
+    held = default_held(parameters)
+    held[INPUT["air_mass_flow"]] = parameters["evaporator_air_nominal_kg_s"]
+    told = [getattr(row, quantity.keyword) for quantity in INPUTS]
+    for i, (quantity, value) in enumerate(zip(INPUTS, told, strict=True)):
+        if value is not None:
+            held[i] = TO_SI[quantity.unit](value)
+    return held[: N_PAPER if told[N_PAPER:].count(None) == N_INPUTS - N_PAPER else N_INPUTS].copy()
 
 
 def solve_point(row: TableRow, parameters: Parameters, tab: Tables) -> CalibratedPoint:
