@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ac_plant_node import integrator, model
+from ac_plant_node import model
 from ac_plant_node.compiled import Array, jit
+from ac_plant_node.dynamics import workspace
 from ac_plant_node.dynamics.drive import drive
 from ac_plant_node.equilibrium import operating_point
 from ac_plant_node.inputs import INPUT_HIGH, INPUT_LOW
@@ -148,7 +149,7 @@ def transient_with_bdf(rtol: float) -> tuple[float, float]:
     w, direct = _transient_inputs(), CoolPropModel()
     start_state = operating_point("med").conserved
     direct.rates(start_state, w)
-    scale = integrator.ERROR_SCALE.copy()
+    scale = workspace.ERROR_SCALE.copy()
     scale[5] = scale[0]  # the condenser's mass, where our integration carries heat
 
     def jacobian(_t: float, s: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ac_plant_node import integrator, model
 from ac_plant_node.calibration import row_inputs, starting_state, superheated_enthalpy
+from ac_plant_node.dynamics import workspace
 from ac_plant_node.dynamics.drive import drive, held_inputs
 from ac_plant_node.parameter_file import load_parameters
 from ac_plant_node.parameters import Parameters
@@ -133,7 +134,7 @@ def _settled(
         low, high = (x[6], high) if s[0] + s[5] > parameters["charge_kg"] else (low, x[6])
     work = integrator.new_work(s)
     integrator.run(work, parameters.array, tab, held_inputs(w, parameters), 1500.0, np.empty(4))
-    return integrator.views(work).aux[:12].copy()
+    return workspace.views(work).aux[:12].copy()
 
 
 def _residual(x: NDArray[np.float64], w: NDArray[np.float64], p: Parameters, tab: Tables) -> NDArray[np.float64]:

@@ -17,7 +17,11 @@ COMPILED_SOURCES = (
     "dynamics/drive.py",
     "lookup.py",
     "zones.py",
+    "dynamics/linear_algebra.py",
+    "dynamics/transfer.py",
     "model.py",
+    "dynamics/workspace.py",
+    "dynamics/exponential.py",
     "integrator.py",
 )
 """Files whose text compiled code depends on."""

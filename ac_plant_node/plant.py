@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_plant_node import integrator, model
+from ac_plant_node.dynamics import workspace
 from ac_plant_node.dynamics.drive import OPENING, VALVE, default_held, outlet_air
 from ac_plant_node.dynamics.moist_air import relative_humidity
 from ac_plant_node.equilibrium import OperatingPoint, operating_point
@@ -81,7 +82,7 @@ class Plant:
     parameters : Parameters, optional
         The shipped set by default.
     tolerance : float
-        Local error of an integration step, relative to the sizes in `ac_plant_node.integrator.ERROR_SCALE`.
+        Local error of an integration step, relative to the sizes in `ac_plant_node.dynamics.workspace.ERROR_SCALE`.
     """
 
     def __init__(
@@ -95,14 +96,14 @@ class Plant:
         self._par = self._parameters.array
         self._tab = load_tables(self._parameters.refrigerant)
         self._array = integrator.new_work(state, tolerance)
-        self._work = integrator.views(self._array)
+        self._work = workspace.views(self._array)
         self._aux = self._work.aux
         self._has_left = False
         self._told = default_held(self._parameters)
         self._actuator: NDArray[np.float64] | None = None  # while the valve's actuator is healthy
         self._position = 0.0  # of the valve, while it is not
         self.step(inputs, 0.0)
-        self._mass_at_first_kg = float(self._work.memory[integrator.CHARGE])
+        self._mass_at_first_kg = float(self._work.memory[workspace.CHARGE])
 
     @classmethod
     def at(cls, point: str | OperatingPoint, tolerance: float = integrator.DEFAULT_TOLERANCE) -> "Plant":
@@ -120,7 +121,7 @@ class Plant:
         """A second plant in the very same state, which runs on by itself."""
         other = copy(self)
         other._array, other._told = self._array.copy(), self._told.copy()
-        other._work = integrator.views(other._array)
+        other._work = workspace.views(other._array)
         other._aux = other._work.aux
         return other
 
@@ -260,7 +261,7 @@ class Plant:
     @property
     def steps_tried(self) -> float:
         """Integration steps since the plant was made, refused ones included: the measure of the work done."""
-        return float(self._work.memory[integrator.N_STEPS] + self._work.memory[integrator.N_REJECTED])
+        return float(self._work.memory[workspace.N_STEPS] + self._work.memory[workspace.N_REJECTED])
 
     @property
     def refrigerant_mass_kg(self) -> float:
@@ -287,15 +288,15 @@ class Plant:
     def leaked_mass_kg(self) -> float:
         """Refrigerant that has leaked since the plant was made."""
         memory = self._work.memory
-        charge = memory[integrator.CHARGE] - memory[integrator.LEAK_RATE] * memory[integrator.T_HELD]
+        charge = memory[workspace.CHARGE] - memory[workspace.LEAK_RATE] * memory[workspace.T_HELD]
         return self._mass_at_first_kg - float(charge)
 
     @property
     def leaked_energy_j(self) -> float:
         """Enthalpy that has left with it: what is stored changes by `heat_in_j` less this."""
-        return float(self._work.memory[integrator.LEAKED_NOW_J])
+        return float(self._work.memory[workspace.LEAKED_NOW_J])
 
     @property
     def heat_moved_j(self) -> float:
         """Integral of the magnitudes of the three powers in `heat_in_w`, whole steps of the integrator: a scale."""
-        return float(self._work.memory[integrator.MOVED])
+        return float(self._work.memory[workspace.MOVED])

@@ -14,7 +14,7 @@ from CoolProp.HumidAirProp import HAPropsSI
 from numpy.typing import NDArray
 
 from ac_plant_node import model, zones
-from ac_plant_node.dynamics import moist_air
+from ac_plant_node.dynamics import linear_algebra, moist_air, transfer
 from ac_plant_node.dynamics.drive import drive
 from ac_plant_node.lookup import Saturation
 from ac_plant_node.parameter_file import load_parameters
@@ -34,7 +34,13 @@ class CoolPropModel:
     def __init__(self, parameters: Parameters | None = None) -> None:
         self.parameters = parameters or load_parameters()
         self.tab: Tables = load_tables(self.parameters.refrigerant)  # only its pressure limits are read
-        space: dict[str, Any] = {**vars(moist_air), **vars(zones), **vars(model)}
+        space: dict[str, Any] = {
+            **vars(linear_algebra),
+            **vars(moist_air),
+            **vars(zones),
+            **vars(transfer),
+            **vars(model),
+        }
         for name, value in list(space.items()):
             if hasattr(value, "py_func"):
                 space[name] = FunctionType(value.py_func.__code__, space, name)

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from ac_plant_node import POINTS, Plant, model, operating_point
 from ac_plant_node.dynamics.drive import drive
-from ac_plant_node.integrator import ERROR_SCALE
+from ac_plant_node.dynamics.workspace import ERROR_SCALE
 from ac_plant_node.parameter_file import load_parameters
 from ac_plant_node.tables import load_tables
 
