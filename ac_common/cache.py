@@ -29,7 +29,7 @@ def cache_folder() -> Path:
 
 
 def source_fingerprint(*packages: str) -> str:
-    """Return a hash of the source text of `packages`, without importing them.
+    """Return a hash of the source text of `packages` (or single modules), without importing them.
 
     Files named `node.py` and `*_node.py` are left out: they only move messages.
     """
@@ -38,14 +38,15 @@ def source_fingerprint(*packages: str) -> str:
         spec = find_spec(package)
         if spec is None or spec.origin is None:
             raise ValueError(f"there is no package {package!r} to fingerprint")
-        for source in sorted(Path(spec.origin).parent.rglob("*.py")):
+        file = Path(spec.origin)
+        for source in sorted(file.parent.rglob("*.py")) if spec.submodule_search_locations else [file]:
             if not source.stem.endswith("node"):
                 digest.update(source.name.encode() + b"\0" + source.read_bytes() + b"\0")
     return digest.hexdigest()
 
 
 def compiled_folder(*packages: str) -> Path:
-    """Return the folder for the compiled code of `packages`: another one as soon as one of their sources changes."""
+    """Return the folder for the compiled code of `packages` (or modules): another one as soon as a source changes."""
     return cache_folder() / f"compiled-{source_fingerprint(*packages)[:16]}"
 
 

@@ -24,7 +24,8 @@ def compiler(*packages: str) -> Callable[[Any], Any]:
     Parameters
     ----------
     *packages : str
-        Every package whose functions are compiled into one another: a change in any of them compiles all anew.
+        Every package or module whose functions or constants are compiled into one another: a change in any of them
+        compiles all anew.
     """
     folder = str(compiled_folder(*packages))
 

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.errors import UserError
-from ac_common.units import RPM
-from ac_plant_node.dynamics import balances as model
+from ac_plant_node.dynamics import balances
+from ac_plant_node.dynamics.drive import default_held, drive
+from ac_plant_node.inputs import INPUT, INPUTS, N_INPUTS, N_PAPER, TO_SI
 from ac_plant_node.parameters.file import load_parameters
 from ac_plant_node.parameters.values import SOLVED, Parameters, TableRow, parameter_range
 from ac_plant_node.properties.lookup import saturation, vapour
@@ -54,11 +55,14 @@ def starting_state(tab: Tables, pe: float, h_e2: float, pc: float, air_c: float)
 
 
 def row_inputs(row: TableRow, parameters: Parameters) -> NDArray[np.float64]:
-    """Return the inputs (4,) of an operating point: speed rad/s, opening 0..1, air kg/s, its inlet temperature degC."""
-    air = parameters["evaporator_air_nominal_kg_s"] if row.air_mass_flow_kg_s is None else row.air_mass_flow_kg_s
-    return np.array(
-        [row.compressor_speed_rpm * RPM, row.valve_opening_percent / 100.0, air, row.air_inlet_temperature_c]
-    )
+    """Return an operating point's inputs: (4,), or (N_INPUTS,) where a row tells of the condenser's air or humidity."""
+    held = default_held(parameters)
+    held[INPUT["air_mass_flow"]] = parameters["evaporator_air_nominal_kg_s"]
+    told = [getattr(row, quantity.keyword) for quantity in INPUTS]
+    for i, (quantity, value) in enumerate(zip(INPUTS, told, strict=True)):
+        if value is not None:
+            held[i] = TO_SI[quantity.unit](value)
+    return held[: N_PAPER if told[N_PAPER:].count(None) == N_INPUTS - N_PAPER else N_INPUTS].copy()
 
 
 def solve_point(row: TableRow, parameters: Parameters, tab: Tables) -> CalibratedPoint:
@@ -75,23 +79,23 @@ def solve_point(row: TableRow, parameters: Parameters, tab: Tables) -> Calibrate
     h_e2 = superheated_enthalpy(tab, pe, row.superheat_k)
     w = row_inputs(row, parameters)
     free = np.array([0, 3, 4, 5, 6, 7, 8, 9, 10, 11])
-    guess, z, ds, aux = model.new_workspace()
-    s = np.zeros(model.N_STATES)
+    guess, z, ds, aux = balances.new_workspace()
+    s = np.zeros(balances.N_STATES)
     # Rows: all rates but that of the condenser's mass, which is minus the evaporator's; in its place the charge.
     row_scale = np.array([1e-2, 1e3, 1e4, 1.0, 1.0, 1.0, 1e3, 0.1, 1e4, 1.0, 1.0, 1.0])
     unknown_scale = np.array([0.1, 1.0, 1.0, 0.1, 0.1, 1e5, 1e4, 1.0, 1.0, 1.0, 0.1, 1e-7])
 
     def residual(q: NDArray[np.float64]) -> NDArray[np.float64]:
         values = q * unknown_scale
-        x = np.empty(model.N_STATES)
+        x = np.empty(balances.N_STATES)
         x[free], x[1], x[2] = values[:10], pe, h_e2
         trial = parameters.replace(
             eta_v_offset=values[10], eta_v_pressure_ratio=0.0, eta_v_speed=0.0,
             valve_area_0_m2=values[11], valve_area_1_m2=0.0, valve_area_2_m2=0.0,
         )  # fmt: skip
-        model.conserved(x, trial.array, tab, s)
+        balances.conserved(x, trial.array, tab, s)
         guess[:] = pe, x[7]
-        model.rhs(s, w, trial.array, tab, guess, z, ds, aux)
+        balances.rhs(s, drive(w, trial), trial.array, tab, guess, z, ds, aux)
         out: NDArray[np.float64] = ds / row_scale
         out[5] = (s[0] + s[5] - parameters["charge_kg"]) / 1e-2
         return out
@@ -108,7 +112,7 @@ def solve_point(row: TableRow, parameters: Parameters, tab: Tables) -> Calibrate
             break
     if best is None:
         raise UserError(f"calibration: no equilibrium found for the {row.name!r} point with these parameters")
-    x = np.empty(model.N_STATES)
+    x = np.empty(balances.N_STATES)
     x[free], x[1], x[2] = best[:10], pe, h_e2
     return CalibratedPoint(row, x, float(best[10]), float(best[11]))
 

@@ -1,8 +1,8 @@
 """The plant's model with CoolProp in place of tables, not compiled: slow, for the verification of both.
 
 The functions of `ac_plant_node.dynamics.balances` are taken as plain Python and given look-ups that call CoolProp's
-equation of state. What differs from the plant is then exactly the property tables; and the time it takes is what tables
-and compiler save. For tests and benchmarks.
+equation of state, and one for humid air that calls CoolProp's. What differs from the plant is then exactly the
+properties; and the time it takes is what tables and compiler save. For tests and benchmarks.
 """
 
 from types import FunctionType
@@ -10,10 +10,11 @@ from typing import Any
 
 import CoolProp
 import numpy as np
+from CoolProp.HumidAirProp import HAPropsSI
 from numpy.typing import NDArray
 
-from ac_plant_node.dynamics import balances as model
-from ac_plant_node.dynamics import zones
+from ac_plant_node.dynamics import balances, linear_algebra, moist_air, transfer, zones
+from ac_plant_node.dynamics.drive import drive
 from ac_plant_node.parameters.file import load_parameters
 from ac_plant_node.parameters.values import Parameters
 from ac_plant_node.properties.lookup import Saturation
@@ -32,28 +33,40 @@ class CoolPropModel:
     def __init__(self, parameters: Parameters | None = None) -> None:
         self.parameters = parameters or load_parameters()
         self.tab: Tables = load_tables(self.parameters.refrigerant)  # only its pressure limits are read
-        space: dict[str, Any] = {**vars(zones), **vars(model)}
+        space: dict[str, Any] = {
+            **vars(linear_algebra),
+            **vars(moist_air),
+            **vars(zones),
+            **vars(transfer),
+            **vars(balances),
+        }
         for name, value in list(space.items()):
             if hasattr(value, "py_func"):
                 space[name] = FunctionType(value.py_func.__code__, space, name)
         space.update(coolprop_lookups(self.parameters.refrigerant))
         self._rhs, self._conserved = space["rhs"], space["conserved"]
-        self._guess, self._z, self._ds, self.aux = model.new_workspace()
+        self._guess, self._z, self._ds, self.aux = balances.new_workspace()
 
     def rates(self, s: NDArray[np.float64], w: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the rates (12,) of an integration state; the auxiliary results are in `aux` afterwards."""
-        self._rhs(s, w, self.parameters.array, self.tab, self._guess, self._z, self._ds, self.aux)
+        self._rhs(
+            s, drive(w, self.parameters), self.parameters.array, self.tab, self._guess, self._z, self._ds, self.aux
+        )
         return self._ds.copy()
 
     def conserved(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the integration state (12,) of a public state x with all five zones."""
-        s = np.zeros(model.N_STATES)
+        s = np.zeros(balances.N_STATES)
         self._conserved(x, self.parameters.array, self.tab, s)
         return s
 
 
 def coolprop_lookups(refrigerant: str) -> dict[str, Any]:
     """Return the functions of `ac_plant_node.properties.lookup` by name, each a handful of CoolProp calls."""
+
+    def humidity_ratio(t_c: float, relative: float) -> float:
+        return float(HAPropsSI("W", "T", t_c + 273.15, "P", moist_air.PRESSURE_PA, "R", relative))
+
     fluid = CoolProp.AbstractState("HEOS", refrigerant)
     i_t, i_h, i_d, i_s, i_p = CoolProp.iT, CoolProp.iHmass, CoolProp.iDmass, CoolProp.iSmass, CoolProp.iP
 
@@ -101,5 +114,5 @@ def coolprop_lookups(refrigerant: str) -> dict[str, Any]:
 
     return {
         "saturation": saturation, "vapour": vapour, "vapour_entropy": vapour_entropy, "isentrope": isentrope,
-        "liquid": liquid,
+        "liquid": liquid, "humidity_ratio": humidity_ratio,
     }  # fmt: skip

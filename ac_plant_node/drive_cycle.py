@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from ac_common.errors import UserError, shortened
 from ac_common.units import RPM
+from ac_plant_node.condenser_air import LOW, FrontEnd, condenser_air_flow, fan_stage
+from ac_plant_node.inputs import INPUT
 
 EPA_PAGE = "https://www.epa.gov/vehicle-and-fuel-emissions-testing/dynamometer-drive-schedules"
 """Where the EPA publishes its schedules."""
@@ -160,9 +162,16 @@ class DriveCycleRun:
 
 
 def run_drive_cycle(
-    cycle: DriveCycle, point: str = "med", sample_time_s: float = 0.1, driveline: Driveline | None = None
+    cycle: DriveCycle,
+    point: str = "med",
+    sample_time_s: float = 0.1,
+    driveline: Driveline | None = None,
+    front: FrontEnd | None = None,
 ) -> DriveCycleRun:
-    """Simulate the plant through a cycle from an operating point, valve and air held, the compressor on the belt."""
+    """Simulate the plant through a cycle from an operating point, its valve held, the compressor on the belt.
+
+    With a `front` the condenser gets ram air over the vehicle's speed and its fan's; otherwise its air is held too.
+    """
     from ac_plant_node.plant import Plant
 
     plant = Plant.at(point)
@@ -170,12 +179,16 @@ def run_drive_cycle(
     time = np.arange(0.0, cycle.time_s[-1], sample_time_s)
     speed = np.array([compressor_speed(cycle, float(t), driveline) for t in time])
     outputs = np.empty((len(time), 4))
+    vehicle, stage = np.interp(time, cycle.time_s, cycle.speed_m_s), LOW
     for k, omega in enumerate(speed):
         w[0] = omega
+        if front is not None:
+            stage = fan_stage(stage, plant.outputs.condenser_pressure_pa, compressor_on=True, front=front)
+            w[INPUT["condenser_air_mass_flow"]] = condenser_air_flow(float(vehicle[k]), stage, front=front)
         outputs[k] = plant.step(w, sample_time_s)
     return DriveCycleRun(
         time,
-        np.interp(time, cycle.time_s, cycle.speed_m_s),
+        vehicle,
         speed,
         outputs,
         plant.refrigerant_mass_kg / mass - 1.0,

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from ac_common.errors import UserError
 from ac_common.units import RPM
 from ac_plant_node.calibration import row_inputs, starting_state, superheated_enthalpy
-from ac_plant_node.dynamics import balances as model
-from ac_plant_node.dynamics import integrator
+from ac_plant_node.dynamics import balances, integrator, workspace
+from ac_plant_node.dynamics.drive import drive, held_inputs
 from ac_plant_node.parameters.file import load_parameters
 from ac_plant_node.parameters.values import Parameters
 from ac_plant_node.properties.tables import Tables, load_tables
@@ -28,8 +28,9 @@ class OperatingPoint:
     Attributes
     ----------
     name : str
-    inputs : (4,) array
-        Compressor speed rad/s, valve opening 0..1, evaporator air kg/s, its inlet temperature degC.
+    inputs : (n,) array, n from 4 to N_INPUTS
+        In the order of `ac_plant_node.inputs.INPUTS`: compressor speed rad/s, valve opening 0..1, evaporator air kg/s,
+        its inlet temperature degC, and as many of the others as were given.
     outputs : (4,) array
         p_e Pa, SH K, T_w degC, p_c Pa.
     state : (12,) array
@@ -57,14 +58,21 @@ class OperatingPoint:
 
 
 def rates(
-    x: NDArray[np.float64], w: NDArray[np.float64], parameters: Parameters, tab: Tables
+    x: NDArray[np.float64],
+    inputs: NDArray[np.float64],
+    parameters: Parameters,
+    tab: Tables,
+    faults: NDArray[np.float64] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return integration state, its rates and the auxiliary results at a public state x with all five zones."""
-    guess, z, ds, aux = model.new_workspace()
-    s = np.zeros(model.N_STATES)
-    model.conserved(x, parameters.array, tab, s)
+    """Return integration state, its rates and the auxiliary results at a public state x with all five zones.
+
+    `x` is taken as that of the healthy plant: faults (N_FAULTS,) act on the integration state that belongs to it.
+    """
+    guess, z, ds, aux = balances.new_workspace()
+    s = np.zeros(balances.N_STATES)
+    balances.conserved(x, parameters.array, tab, s)
     guess[:] = x[1], x[7]
-    model.rhs(s, w, parameters.array, tab, guess, z, ds, aux)
+    balances.rhs(s, drive(inputs, parameters, faults), parameters.array, tab, guess, z, ds, aux)
     return s, ds, aux
 
 
@@ -78,8 +86,8 @@ def equilibrium(
 
     Parameters
     ----------
-    inputs : (4,) array
-        As in `OperatingPoint.inputs`.
+    inputs : (n,) array, n from 4 to N_INPUTS
+        As in `OperatingPoint.inputs`; those left out are the parameters' own (dry air at the evaporator).
     parameters : Parameters, optional
     start : (12,) array, optional
         State x to start from; a guess from the inputs otherwise.
@@ -119,14 +127,14 @@ def _settled(
 ) -> NDArray[np.float64]:
     """Return the state after 1500 s of simulation from about `x` with the right charge."""
     low, high = 0.02, 0.98 - x[5]
-    s = np.zeros(model.N_STATES)
+    s = np.zeros(balances.N_STATES)
     for _ in range(50):  # less two-phase, more subcooled length: more charge
         x[6] = 0.5 * (low + high)
-        model.conserved(x, parameters.array, tab, s)
+        balances.conserved(x, parameters.array, tab, s)
         low, high = (x[6], high) if s[0] + s[5] > parameters["charge_kg"] else (low, x[6])
     work = integrator.new_work(s)
-    integrator.run(work, parameters.array, tab, w, 1500.0, np.empty(4))
-    return integrator.views(work).aux[:12].copy()
+    integrator.run(work, parameters.array, tab, held_inputs(w, parameters), 1500.0, np.empty(4))
+    return workspace.views(work).aux[:12].copy()
 
 
 def _residual(x: NDArray[np.float64], w: NDArray[np.float64], p: Parameters, tab: Tables) -> NDArray[np.float64]:
@@ -174,17 +182,17 @@ def _five_zones(x: NDArray[np.float64]) -> bool:
 
 def _describe(name: str, x: NDArray[np.float64], w: NDArray[np.float64], p: Parameters, tab: Tables) -> OperatingPoint:
     s, _, aux = rates(x, w, p, tab)
-    outputs = np.array([x[1], aux[model.SUPERHEAT], aux[model.WALL_E2] - 273.15, x[7]])
+    outputs = np.array([x[1], aux[balances.SUPERHEAT], aux[balances.WALL_E2] - 273.15, x[7]])
     for array in (x, s, w, outputs):
         array.setflags(write=False)
     return OperatingPoint(
-        name, w, outputs, x, s, float(aux[model.M_COMPRESSOR]), float(aux[model.Q_AIR_E]), float(aux[model.POWER]),
-        float(aux[model.SUBCOOLING]), float(aux[model.H_DISCHARGE]),
+        name, w, outputs, x, s, float(aux[balances.M_COMPRESSOR]), float(aux[balances.Q_AIR_E]),
+        float(aux[balances.POWER]), float(aux[balances.SUBCOOLING]), float(aux[balances.H_DISCHARGE]),
     )  # fmt: skip
 
 
 def table_inputs(point: str, parameters: Parameters | None = None) -> NDArray[np.float64]:
-    """Return the inputs (4,) of one of the parameters' operating points: of a row of Table I for the shipped ones.
+    """Return the inputs of one of the parameters' operating points: of a row of Table I for the shipped ones.
 
     Raises
     ------

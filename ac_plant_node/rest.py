@@ -3,10 +3,8 @@
 import contextlib
 
 from ac_common.cache import Arrays, cached, compiled_folder, source_fingerprint
+from ac_plant_node.compiled_sources import COMPILED_SOURCES
 from ac_plant_node.fingerprint import parameters_fingerprint
-
-COMPILED_PACKAGES = ("ac_plant_node.properties", "ac_plant_node.parameters", "ac_plant_node.dynamics")
-"""As in `ac_plant_node.properties.compiled`, which loads a compiler."""
 
 
 def rest_at(point: str) -> Arrays:
@@ -37,7 +35,7 @@ def prepare(point: str) -> None:
         For an unknown operating point.
     """
     rest_at(point)
-    done = compiled_folder(*COMPILED_PACKAGES) / "complete"
+    done = compiled_folder(*COMPILED_SOURCES) / "complete"
     if done.exists():
         return
     from ac_plant_node.plant import Plant

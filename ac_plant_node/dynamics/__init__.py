@@ -1,1 +1,1 @@
-"""The moving-boundary model: zones, balances, integration."""
+"""The plant's equations (zones, flows, balances) and their integration in time, compiled."""

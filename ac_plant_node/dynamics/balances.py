@@ -37,18 +37,21 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ac_plant_node.dynamics.drive import ETA_S, G_C, G_E, T_AIR_C, T_AIR_E
+from ac_plant_node.dynamics.linear_algebra import solve
+from ac_plant_node.dynamics.transfer import Flows, Heat, Suction, flows, heat_flows, ramp, suction_state
 from ac_plant_node.dynamics.zones import (
     Condenser,
     Evaporator,
     condenser_at,
     evaporator_at,
-    mean_void,
+    inventory,
+    outlet_targets,
     solve_condenser,
     solve_evaporator,
 )
 from ac_plant_node.parameters.values import INDEX
 from ac_plant_node.properties.compiled import Array, jit
-from ac_plant_node.properties.lookup import Saturation, liquid, vapour, vapour_entropy
 from ac_plant_node.properties.tables import Tables
 
 N_STATES = 12
@@ -56,38 +59,23 @@ STATE_NAMES = (
     "zeta_e1", "p_e", "h_e2", "T_e1w", "T_e2w", "zeta_c1", "zeta_c2", "p_c", "h_c3", "T_c1w", "T_c2w", "T_c3w",
 )  # fmt: skip
 """Names of the public state x."""
-INPUT_LOW = np.array([0.0, 0.0, 0.02, 10.0])
-"""Lowest inputs: rad/s, opening 0..1, kg/s, degC."""
-INPUT_HIGH = np.array([6000.0 * math.pi / 30.0, 1.0, 0.3, 50.0])
-"""Highest inputs: 6000 rpm, valve fully open, 0.3 kg/s, 50 degC."""
 
 # Positions in the array of auxiliary results.
 X, P_E, P_C = 0, 1, 7  # the public state, 12 numbers, with the pressures in it
 M_COMPRESSOR, M_VALVE, Q_EVAPORATOR, Q_AIR_E, Q_AIR_C, POWER = 12, 13, 14, 15, 16, 17
 H_DISCHARGE, SUPERHEAT, SUBCOOLING, REGIME_E, REGIME_C, ETA_V = 18, 19, 20, 21, 22, 23
 VOID_E, VOID_C, HEAT_IN, WALL_E2, MASS, ENERGY = 24, 25, 26, 27, 28, 29
-N_AUX = 30
+# Latent heat W, water that condenses kg/s, what of it falls on walls below 0 degC, its enthalpy as it leaves W.
+LATENT, WATER, FROST, DRAINED = 30, 31, 32, 33
+N_AUX = 34
 
 # Parameter positions, as compile-time constants.
 _VE, _AE, _CE = INDEX["evaporator_volume_m3"], INDEX["evaporator_inner_area_m2"], INDEX["evaporator_wall_j_k"]
 _VC, _AC, _CC = INDEX["condenser_volume_m3"], INDEX["condenser_inner_area_m2"], INDEX["condenser_wall_j_k"]
-_ETP, _ESH = INDEX["evaporator_two_phase_w_m2k"], INDEX["evaporator_superheated_w_m2k"]
-_CSH, _CTP, _CSC = (
-    INDEX["condenser_superheated_w_m2k"],
-    INDEX["condenser_two_phase_w_m2k"],
-    INDEX["condenser_subcooled_w_m2k"],
-)
-_EUA, _EMA, _EXP = INDEX["evaporator_air_ua_w_k"], INDEX["evaporator_air_nominal_kg_s"], INDEX["air_ua_exponent"]
-_CUA, _CMA, _CTA = INDEX["condenser_air_ua_w_k"], INDEX["condenser_air_kg_s"], INDEX["condenser_air_inlet_k"]
-_CP = INDEX["air_cp_j_kgk"]
-_VD, _ETAS = INDEX["displacement_m3_rev"], INDEX["isentropic_efficiency"]
-_EV0, _EV1, _EV2 = INDEX["eta_v_offset"], INDEX["eta_v_pressure_ratio"], INDEX["eta_v_speed"]
-_AV0, _AV1, _AV2 = INDEX["valve_area_0_m2"], INDEX["valve_area_1_m2"], INDEX["valve_area_2_m2"]
-_CD = INDEX["valve_discharge_coefficient"]
+_ETAS = INDEX["isentropic_efficiency"]
 
 # Numerical regularisation, all of it in rows that carry neither mass nor energy.
 _ZETA_FLOOR = 0.02  # a vanishing zone answers as if it had at least this length
-_OUTLET_BAND_K = 5.0  # over this span above the hottest surroundings the superheated zone's heat flow ends
 _CP_VAPOUR = 1.0e3  # J/(kg K): turns a temperature into an enthalpy where only the order of size matters
 _ZETA_RATE = 5.0  # 1/s: fastest relative change of the condenser's first zone
 _ZETA_C1_MAX = 0.9  # longest first zone of the condenser
@@ -99,31 +87,6 @@ _TAU_WALL_S = 5.0  # lag with which the wall of an absent zone joins its neighbo
 _UPWIND_RATE = 0.2  # 1/s: zone boundaries slower than this carry the mean of both wall temperatures
 _UPWIND_SHARP, _UPWIND_ZONE = 0.01, 0.08  # but this sharp where a zone is about to vanish, shorter than the second
 _SUPERHEAT_FLOOR = 2.0e3  # J/kg: least mean superheat that the condenser's first zone is divided by
-_X_OUTLET_MIN = 0.7  # the suction header holds back liquid: quality drawn by the compressor
-_DRY_LIQUID = 0.02  # liquid volume fraction below which the boiling coefficient fades to that of vapour
-_DP_SMOOTH_PA = 2.0e3  # valve flow is linear in the pressure difference below this
-_SPEED_FLOOR = 300.0 / 1000.0  # lowest speed (1000 rpm) that enters the volumetric efficiency
-_P_LOW_PA, _P_LOW_SPAN_PA = 20.0e3, 30.0e3  # suction pressure at which the compressor no longer draws
-_HIGH_CUT_START, _HIGH_CUT_END = 0.83, 0.91  # discharge pressure limiter, over the highest tabulated pressure
-_CHOKE_RATIO = 0.55  # critical pressure ratio of vapour through the valve
-
-_PI2 = 2.0 * math.pi
-
-
-@jit
-def _smooth_root(dp: float) -> float:
-    """``sqrt(dp)`` for positive `dp`, linear near zero, zero below."""
-    if dp <= 0.0:
-        return 0.0
-    root: float = dp / (dp * dp + _DP_SMOOTH_PA * _DP_SMOOTH_PA) ** 0.25
-    return root
-
-
-@jit
-def _ramp(x: float) -> float:
-    """Smooth step from 0 at 0 to 1 at 1."""
-    x = min(max(x, 0.0), 1.0)
-    return x * x * (3.0 - 2.0 * x)
 
 
 @jit
@@ -132,94 +95,8 @@ def _upwind(rate: float, shorter: float) -> float:
 
     `shorter` is the length of the shorter of the two zones: before one vanishes, the upwinding turns sharp.
     """
-    width = _UPWIND_SHARP + (_UPWIND_RATE - _UPWIND_SHARP) * _ramp(shorter / _UPWIND_ZONE)
+    width = _UPWIND_SHARP + (_UPWIND_RATE - _UPWIND_SHARP) * ramp(shorter / _UPWIND_ZONE)
     return 0.5 * (1.0 + rate / math.sqrt(rate * rate + width * width))
-
-
-@jit
-def _solve(a: Array, n: int) -> None:
-    """Solve the n x n system in the n x (n+1) array `a` in place (Gauss, partial pivoting); result in column n."""
-    for k in range(n):
-        pivot = k
-        for i in range(k + 1, n):
-            if abs(a[i, k]) > abs(a[pivot, k]):
-                pivot = i
-        if pivot != k:
-            for j in range(k, n + 1):
-                a[k, j], a[pivot, j] = a[pivot, j], a[k, j]
-        inv = 1.0 / a[k, k]
-        for i in range(k + 1, n):
-            f = a[i, k] * inv
-            if f != 0.0:
-                for j in range(k + 1, n + 1):
-                    a[i, j] -= f * a[k, j]
-    for k in range(n - 1, -1, -1):
-        b = a[k, n]
-        for j in range(k + 1, n):
-            b -= a[k, j] * a[j, n]
-        a[k, n] = b / a[k, k]
-
-
-@jit
-def eta_volumetric(par: Array, ratio: float, speed_krpm: float) -> float:
-    """Volumetric efficiency map ``a + b (PR - 4) + c (1 - 1000 rpm / N)``, kept between 0 and 1."""
-    eta: float = par[_EV0] + par[_EV1] * (ratio - 4.0) + par[_EV2] * (1.0 - 1.0 / max(speed_krpm, _SPEED_FLOOR))
-    return min(max(eta, 0.0), 1.0)
-
-
-@jit
-def valve_area(par: Array, opening: float) -> float:
-    """Flow area over opening (0..1): a quadratic through the calibrated points, closing linearly below 10 %."""
-    area: float = par[_AV0] + opening * (par[_AV1] + opening * par[_AV2])
-    return max(area, 0.0) * min(opening * 10.0, 1.0)
-
-
-class Suction(NamedTuple):
-    """What the compressor draws: entropy with its slopes in p_e and h_e2, density, superheat."""
-
-    s: float
-    s_p: float
-    s_h: float
-    rho: float
-    superheat: float
-
-
-class Flows(NamedTuple):
-    """Mass flows (kg/s), volumetric efficiency, subcooling at the condenser's outlet (K)."""
-
-    m_c: float
-    m_v: float
-    eta_v: float
-    subcooling: float
-
-
-class Heat(NamedTuple):
-    """Heat flows (W) and wall temperatures (K).
-
-    `q_e1` .. `q_c3`: wall to refrigerant, per unit of zone length; `q_e`, `q_c` their sums over the zones; `air_e`,
-    `air_c` air to wall; `g_e`, `g_c` air-side conductances (W/K); `excess` how much hotter the evaporator's outlet is
-    than the hottest thing around it; `wet_c` 1 but for a condenser about to run out of liquid.
-    """
-
-    tw_e1: float
-    tw_e2: float
-    tw_c1: float
-    tw_c2: float
-    tw_c3: float
-    q_e1: float
-    q_e2: float
-    q_c1: float
-    q_c2: float
-    q_c3: float
-    q_e: float
-    q_c: float
-    air_e: float
-    air_c: float
-    g_e: float
-    g_c: float
-    t_air: float
-    excess: float
-    wet_c: float
 
 
 class Side(NamedTuple):
@@ -236,92 +113,6 @@ class Side(NamedTuple):
     target: float
     own: float
     inward: bool
-
-
-@jit
-def _suction(ev: Evaporator, h_1: float, tab: Tables) -> Suction:
-    """State at the compressor's inlet, superheated or wet."""
-    sat = ev.sat
-    if h_1 >= sat.h_g:
-        s, s_p, s_h = vapour_entropy(tab, ev.p, sat.ln_p, h_1, sat.h_g, sat.h_g_p)
-        rho, _, _, t = vapour(tab, ev.p, sat.ln_p, h_1, sat.h_g, sat.h_g_p)
-        return Suction(s, s_p, s_h, rho, t - sat.t)
-    x = (h_1 - sat.h_f) / (sat.h_g - sat.h_f)
-    rho = 1.0 / (1.0 / sat.rho_f + max(x, 0.3) * (1.0 / sat.rho_g - 1.0 / sat.rho_f))
-    # ds = dh/T - v dp/T along the wet suction state, v close to that of the vapour.
-    return Suction(sat.s_g - (sat.h_g - h_1) / sat.t, -1.0 / (sat.t * sat.rho_g), 1.0 / sat.t, rho, 0.0)
-
-
-@jit
-def _flows(ev: Evaporator, co: Condenser, suction: Suction, h_3: float, w: Array, par: Array, tab: Tables) -> Flows:
-    """Compressor and valve: eta_v V_d (N/60) rho_1 and C_d A sqrt(2 rho_3 dp), with their limits."""
-    p_high = tab.grid[8]
-    eta_v = eta_volumetric(par, co.p / ev.p, w[0] * (0.06 / _PI2))
-    limit = _ramp((ev.p - _P_LOW_PA) / _P_LOW_SPAN_PA) * _ramp(
-        (_HIGH_CUT_END * p_high - co.p) / ((_HIGH_CUT_END - _HIGH_CUT_START) * p_high)
-    )
-    m_c = eta_v * par[_VD] * w[0] / _PI2 * suction.rho * limit
-    sat, choke, t_3 = co.sat, 0.0, co.sat.t
-    if h_3 <= sat.h_f:
-        rho_3, _, _, t_3 = liquid(tab, co.p, sat.ln_p, h_3, sat.h_f, sat.h_f_p)
-    else:
-        x = (h_3 - sat.h_f) / (sat.h_g - sat.h_f)
-        if x < 1.0:
-            rho_3 = 1.0 / (1.0 / sat.rho_f + x * (1.0 / sat.rho_g - 1.0 / sat.rho_f))
-        else:
-            rho_3, _, _, t_3 = vapour(tab, co.p, sat.ln_p, h_3, sat.h_g, sat.h_g_p)
-        choke = _CHOKE_RATIO * min(x, 1.0)
-    drop = _smooth_root(co.p - max(ev.p, choke * co.p))
-    m_v = par[_CD] * valve_area(par, w[1]) * math.sqrt(2.0 * rho_3) * drop
-    return Flows(m_c, m_v, eta_v, max(sat.t - t_3, 0.0))
-
-
-@jit
-def _heat(ev: Evaporator, co: Condenser, zeta_c3: float, superheat: float, s: Array, w: Array, par: Array) -> Heat:
-    """Heat between air, walls and refrigerant; the air meets every zone side by side."""
-    zeta_e2 = 1.0 - ev.zeta
-    tw_e1, tw_e2 = s[3] + zeta_e2 * s[4], s[3] - ev.zeta * s[4]
-    tw_c2 = s[9] - co.zeta_1 * s[10] - zeta_c3 * s[11]
-    tw_c1, tw_c3 = tw_c2 + s[10], tw_c2 + s[11]
-    wet_e = min((1.0 - ev.void) / _DRY_LIQUID, 1.0)
-    wet_c = min((1.0 - co.void_rest) / _DRY_LIQUID, 1.0)
-    q_e1 = par[_AE] * (par[_ESH] + (par[_ETP] - par[_ESH]) * wet_e) * (tw_e1 - ev.sat.t)
-    q_e2 = par[_AE] * par[_ESH] * (tw_e2 - ev.t_2)
-    t_air = w[3] + 273.15
-    # Vapour that leaves as hot as the hottest thing around it takes up no more heat (a linear profile does not know).
-    excess = ev.sat.t + superheat - max(t_air, tw_e1, tw_e2)
-    if ev.regime == 0 and q_e2 > 0.0:
-        q_e2 *= 1.0 - _ramp(excess / _OUTLET_BAND_K)
-    q_c1 = par[_AC] * par[_CSH] * (tw_c1 - (co.t_2 if co.regime == 2 else co.t_1))
-    q_c2 = par[_AC] * (par[_CSH] + (par[_CTP] - par[_CSH]) * wet_c) * (tw_c2 - co.t_2)
-    q_c3 = par[_AC] * par[_CSC] * (tw_c3 - co.t_3)
-    air = max(w[2], 1.0e-6)
-    g_e = air * par[_CP]
-    g_e *= 1.0 - math.exp(-par[_EUA] * (air / par[_EMA]) ** par[_EXP] / g_e)
-    g_c = par[_CMA] * par[_CP]
-    g_c *= 1.0 - math.exp(-par[_CUA] / g_c)
-    return Heat(
-        tw_e1, tw_e2, tw_c1, tw_c2, tw_c3, q_e1, q_e2, q_c1, q_c2, q_c3,
-        ev.zeta * q_e1 + zeta_e2 * q_e2, co.zeta_1 * q_c1 + co.zeta_2 * q_c2 + zeta_c3 * q_c3,
-        g_e * (t_air - s[3]), g_c * (par[_CTA] - s[9]), g_e, g_c, t_air, excess, wet_c,
-    )  # fmt: skip
-
-
-@jit
-def _outlet_targets(ev: Evaporator, co: Condenser) -> tuple[float, float]:
-    """Enthalpies that the outlets tend to while the single-phase zone before them is absent."""
-    target_e, target_c = ev.h_2, co.h_rest
-    if ev.regime == 1:
-        # Liquid beyond what complete evaporation holds leaves with the vapour: slope of Zivi's profile at x = 1.
-        full, _, _ = mean_void((ev.sat.rho_g / ev.sat.rho_f) ** (2.0 / 3.0), ev.x_in)
-        wet = min((1.0 - ev.x_in) * (full - ev.void) / (1.0 - full), 1.0 - _X_OUTLET_MIN)
-        target_e = ev.sat.h_g - wet * (ev.sat.h_g - ev.sat.h_f)
-    if co.regime == 1:
-        # Vapour beyond what complete condensation holds leaves with the liquid: slope of Zivi's profile at x = 0.
-        y = (co.void_rest - co.void_full) / (1.0 - co.void_full)
-        x_out = y * ((1.0 - co.void_full) / co.void_full * (1.0 - y) + y)
-        target_c = co.sat.h_f + x_out * (co.sat.h_g - co.sat.h_f)
-    return target_e, target_c
 
 
 @jit
@@ -399,7 +190,7 @@ def _condenser_rows(
     z[6, 3] = zeta_3 * (co.rho_3 * co.h_3_p + under * co.rho_3_p - 1.0)
     z[6, 4], z[6, 5] = -under * co.rho_3, -under * co.rho_3
     z[6, 6] = max(zeta_3, _ZETA_FLOOR) * 0.5 * (co.rho_3 + under * co.rho_3_h)
-    z[6, 7] = (flow.m_v * (co.h_3 - under - h_c3) + zeta_3 * heat.q_c3) / side.volume
+    z[6, 7] = (flow.m_out * (co.h_3 - under - h_c3) + zeta_3 * heat.q_c3) / side.volume
     if h_c3 > sat.h_f:
         z[6, 7] += z[6, 6] * (sat.h_f - h_c3) / _TAU_OUTLET_S
     if side.own < 1.0:
@@ -459,7 +250,7 @@ def _descriptor(
     ve, vc = par[_VE], par[_VC]
     c_pe = co.h_d_s * suction.s_p
     c_h2 = co.h_d_s * suction.s_h + co.h_d_h
-    target_e, target_c = _outlet_targets(ev, co)
+    target_e, target_c = outlet_targets(ev, co)
     inward_e, inward_c, limited, bound = True, True, False, 0.0
     for _ in range(3):
         z[:, :] = 0.0
@@ -468,7 +259,7 @@ def _descriptor(
         _evaporator_rows(z, ev, flow, heat, s[2], side_e)
         _condenser_rows(z, co, flow, heat, zeta_c3, s[8], c_pe, c_h2, side_c)
         _first_zone_row(z, co, flow, heat, c_pe, c_h2, limited, bound, vc)
-        _solve(z, 7)
+        solve(z, 7)
         again = False
         if ev.regime == 0 and inward_e:
             growth = (1.0 - ev.zeta) * (ev.rho_2_p * z[0, 7] + ev.half * ev.rho_2_h * z[2, 7]) - ev.rho_2 * z[1, 7]
@@ -476,7 +267,7 @@ def _descriptor(
                 inward_e, again = False, True
         if co.regime == 0 and inward_c:
             growth = zeta_c3 * (co.rho_3_p * z[3, 7] + co.half_3 * co.rho_3_h * z[6, 7])
-            if flow.m_v + vc * (growth - co.rho_3 * (z[4, 7] + z[5, 7])) < 0.0:
+            if flow.m_out + vc * (growth - co.rho_3 * (z[4, 7] + z[5, 7])) < 0.0:
                 inward_c, again = False, True
         if not limited and co.regime != 2:
             bound = heat.wet_c * z[4, 7] - (1.0 - heat.wet_c) * co.zeta_1 / _TAU_MIXED_S
@@ -498,6 +289,7 @@ def _wall_rates(
     own_e: float,
     own_c: float,
     s: Array,
+    w: Array,
     par: Array,
     ds: Array,
 ) -> None:
@@ -505,54 +297,23 @@ def _wall_rates(
     dzeta_e, dzeta_1, dzeta_3 = z[1, 7], z[4, 7], -z[4, 7] - z[5, 7]
     zeta_e2, d_e, d_1, d_3 = 1.0 - ev.zeta, s[4], s[10], s[11]
     up = _upwind(dzeta_e, min(ev.zeta, zeta_e2))
-    e_1 = (heat.g_e * (heat.t_air - heat.tw_e1) - heat.q_e1) / par[_CE]
+    e_1 = (w[G_E] * (w[T_AIR_E] - heat.tw_e1) + heat.latent_1 - heat.q_e1) / par[_CE]
     e_1 -= up * d_e * dzeta_e / max(ev.zeta, _ZETA_FLOOR)
-    e_2 = (heat.g_e * (heat.t_air - heat.tw_e2) - heat.q_e2) / par[_CE]
+    e_2 = (w[G_E] * (w[T_AIR_E] - heat.tw_e2) + heat.latent_2 - heat.q_e2) / par[_CE]
     e_2 -= (1.0 - up) * d_e * dzeta_e / max(zeta_e2, _ZETA_FLOOR)
     up_1, up_3 = _upwind(dzeta_1, min(co.zeta_1, co.zeta_2)), _upwind(dzeta_3, min(zeta_c3, co.zeta_2))
-    c_1 = (heat.g_c * (par[_CTA] - heat.tw_c1) - heat.q_c1) / par[_CC]
+    c_1 = (w[G_C] * (w[T_AIR_C] - heat.tw_c1) - heat.q_c1) / par[_CC]
     c_1 -= up_1 * d_1 * dzeta_1 / max(co.zeta_1, _ZETA_FLOOR)
-    c_3 = (heat.g_c * (par[_CTA] - heat.tw_c3) - heat.q_c3) / par[_CC]
+    c_3 = (w[G_C] * (w[T_AIR_C] - heat.tw_c3) - heat.q_c3) / par[_CC]
     c_3 -= up_3 * d_3 * dzeta_3 / max(zeta_c3, _ZETA_FLOOR)
-    c_2 = (heat.g_c * (par[_CTA] - heat.tw_c2) - heat.q_c2) / par[_CC]
+    c_2 = (w[G_C] * (w[T_AIR_C] - heat.tw_c2) - heat.q_c2) / par[_CC]
     c_2 -= ((1.0 - up_1) * d_1 * dzeta_1 + (1.0 - up_3) * d_3 * dzeta_3) / max(co.zeta_2, _ZETA_FLOOR)
-    own_1 = _ramp(co.zeta_1 / _ZETA_FLOOR)
+    own_1 = ramp(co.zeta_1 / _ZETA_FLOOR)
     ds[3] = (heat.air_e - heat.q_e) / par[_CE]
     ds[4] = own_e * (e_1 - e_2) - (1.0 - own_e) * d_e / _TAU_WALL_S
     ds[9] = (heat.air_c - heat.q_c) / par[_CC]
     ds[10] = own_1 * (c_1 - c_2) - (1.0 - own_1) * d_1 / _TAU_WALL_S
     ds[11] = own_c * (c_3 - c_2) - (1.0 - own_c) * d_3 / _TAU_WALL_S
-
-
-@jit
-def _inventory(ev: Evaporator, co: Condenser, zeta_c3: float, par: Array) -> tuple[float, float]:
-    """Refrigerant mass and internal energy summed over the zones: density by density, not from the state's M and U.
-
-    The two agree as far as the pressures have been solved, so this checks them.
-    """
-    if ev.regime == 1:
-        rho_e, e_e = _saturated(ev.sat, ev.void)
-    else:
-        rho_e = ev.zeta * ev.rho_1 + (1.0 - ev.zeta) * ev.rho_2
-        e_e = ev.zeta * ev.e_1 + (1.0 - ev.zeta) * ev.rho_2 * ev.h_2
-    if co.regime == 2:
-        rho_c, e_c = co.rho_rest, co.rho_rest * co.h_rest
-    else:
-        rho_c, e_c = co.zeta_1 * co.rho_1, co.zeta_1 * co.e_1
-        rho_2, e_2 = co.rho_2, co.e_2
-        if co.regime == 1:
-            rho_2, e_2 = _saturated(co.sat, co.void_rest)
-        rho_c += co.zeta_2 * rho_2 + zeta_c3 * co.rho_3
-        e_c += co.zeta_2 * e_2 + zeta_c3 * co.e_3
-    ve, vc = par[_VE], par[_VC]
-    return ve * rho_e + vc * rho_c, ve * (e_e - ev.p) + vc * (e_c - co.p)
-
-
-@jit
-def _saturated(sat: Saturation, void: float) -> tuple[float, float]:
-    """Density and volumetric enthalpy of saturated liquid and vapour at a void fraction."""
-    rho = sat.rho_f + void * (sat.rho_g - sat.rho_f)
-    return rho, sat.rho_f * sat.h_f + void * (sat.rho_g * sat.h_g - sat.rho_f * sat.h_f)
 
 
 @jit
@@ -578,7 +339,8 @@ def _write_results(
     aux[H_DISCHARGE], aux[SUPERHEAT], aux[SUBCOOLING] = co.h_d, suction.superheat, flow.subcooling
     aux[REGIME_E], aux[REGIME_C], aux[VOID_E], aux[VOID_C] = ev.regime, co.regime, ev.void, co.void_rest
     aux[WALL_E2] = heat.tw_e2 if ev.zeta < 1.0 else heat.tw_e1
-    aux[MASS], aux[ENERGY] = _inventory(ev, co, zeta_c3, par)
+    aux[LATENT], aux[WATER], aux[FROST], aux[DRAINED] = heat.latent, heat.water, heat.frost, heat.drained
+    aux[MASS], aux[ENERGY] = inventory(ev, co, zeta_c3, par[_VE], par[_VC])
 
 
 @jit
@@ -589,8 +351,8 @@ def rhs(s: Array, w: Array, par: Array, tab: Tables, guess: Array, z: Array, ds:
     ----------
     s : (12,) array
         Integration state, see the module's docstring.
-    w : (4,) array
-        Inputs: compressor speed rad/s, valve opening 0..1, evaporator air kg/s, its inlet temperature degC.
+    w : (N_DRIVE,) array
+        Inputs, faults and what follows from them, from `ac_plant_node.dynamics.drive`.
     par : array
         `ac_plant_node.parameters.values.Parameters.array`.
     tab : Tables
@@ -609,10 +371,10 @@ def rhs(s: Array, w: Array, par: Array, tab: Tables, guess: Array, z: Array, ds:
         0, or 1 when no pressure inside the tables fits the mass and energy of a heat exchanger.
     """
     ev, suction, failed_e = evaporator_zones(s, par, tab, guess[0])
-    co, failed_c = condenser_zones(s, suction, par, tab, guess[1])
+    co, failed_c = condenser_zones(s, w, suction, par, tab, guess[1])
     if failed_e == 0 and failed_c == 0:
         guess[0], guess[1] = ev.p, co.p
-    balances(s, w, par, tab, ev, suction, co, z, ds, aux)
+    balances(s, w, par, ev, suction, co, flows(ev, co, suction, s[8], w, par, tab), z, ds, aux)
     return max(failed_e, failed_c)
 
 
@@ -620,14 +382,16 @@ def rhs(s: Array, w: Array, par: Array, tab: Tables, guess: Array, z: Array, ds:
 def evaporator_zones(s: Array, par: Array, tab: Tables, start: float) -> tuple[Evaporator, Suction, int]:
     """Zones of the evaporator, what the compressor draws, 0 or 1 as `solve_evaporator`: of s[0, 1, 2, 8]."""
     ev, failed = solve_evaporator(start, s[0] / par[_VE], s[1] / par[_VE], s[2], s[8], tab)
-    return ev, _suction(ev, s[2], tab), failed
+    return ev, suction_state(ev, s[2], tab), failed
 
 
 @jit
-def condenser_zones(s: Array, suction: Suction, par: Array, tab: Tables, start: float) -> tuple[Condenser, int]:
-    """Zones of the condenser, 0 or 1 as `solve_condenser`: of s[2, 5, 6, 7, 8] and `suction`."""
+def condenser_zones(
+    s: Array, w: Array, suction: Suction, par: Array, tab: Tables, start: float
+) -> tuple[Condenser, int]:
+    """Zones of the condenser, 0 or 1 as `solve_condenser`: of s[2, 5, 6, 7, 8], `suction` and the drive `w`."""
     zeta_1 = min(max(s[7], 0.0), 0.98)
-    return solve_condenser(start, s[5] / par[_VC], s[6] / par[_VC], zeta_1, s[8], suction.s, s[2], par[_ETAS], tab)
+    return solve_condenser(start, s[5] / par[_VC], s[6] / par[_VC], zeta_1, s[8], suction.s, s[2], w[ETA_S], tab)
 
 
 @jit
@@ -635,27 +399,26 @@ def balances(
     s: Array,
     w: Array,
     par: Array,
-    tab: Tables,
     ev: Evaporator,
     suction: Suction,
     co: Condenser,
+    flow: Flows,
     z: Array,
     ds: Array,
     aux: Array,
 ) -> None:
-    """Rates and auxiliary results of `rhs`, given the zones of `s`."""
+    """Rates and auxiliary results of `rhs`, given the zones of `s` and the mass flows."""
     zeta_c3 = 1.0 - co.zeta_1 - co.zeta_2 if co.regime == 0 else 0.0
-    flow = _flows(ev, co, suction, s[8], w, par, tab)
-    heat = _heat(ev, co, zeta_c3, suction.superheat, s, w, par)
+    heat = heat_flows(ev, co, zeta_c3, suction.superheat, s, w, par)
     # Conserved quantities: exact whatever the zones do.
     ds[0], ds[1] = flow.m_v - flow.m_c, flow.m_v * s[8] - flow.m_c * s[2] + heat.q_e
-    ds[5], ds[6] = flow.m_c - flow.m_v, flow.m_c * co.h_d - flow.m_v * s[8] + heat.q_c
+    ds[5], ds[6] = flow.m_c - flow.m_out, flow.m_c * co.h_d - flow.m_out * s[8] + heat.q_c
     # Zones shorter than the floor fade into the law of the regime next to theirs, so that rates are continuous.
-    own_e = _ramp(ev.zeta / _ZETA_FLOOR) * _ramp((1.0 - ev.zeta) / _ZETA_FLOOR)
-    own_c = _ramp(zeta_c3 / _ZETA_FLOOR)
+    own_e = ramp(ev.zeta / _ZETA_FLOOR) * ramp((1.0 - ev.zeta) / _ZETA_FLOOR)
+    own_c = ramp(zeta_c3 / _ZETA_FLOOR)
     _descriptor(z, ev, co, suction, flow, heat, zeta_c3, own_e, own_c, (ds[0], ds[1], ds[5], ds[6]), s, par)
     ds[2], ds[7], ds[8] = z[2, 7], z[4, 7], z[6, 7]
-    _wall_rates(z, ev, co, heat, zeta_c3, own_e, own_c, s, par, ds)
+    _wall_rates(z, ev, co, heat, zeta_c3, own_e, own_c, s, w, par, ds)
     _write_results(aux, ev, co, suction, flow, heat, zeta_c3, s, par)
 
 
@@ -664,7 +427,7 @@ def conserved(x: Array, par: Array, tab: Tables, s: Array) -> None:
     """Integration state `s` of a public state `x` with all five zones present (lengths between 0 and 1)."""
     # A density beyond any zone's leaves the zones' own properties as they are.
     ev = evaporator_at(x[1], 1.0e9, 0.0, x[2], x[8], tab)
-    suction = _suction(ev, x[2], tab)
+    suction = suction_state(ev, x[2], tab)
     co = condenser_at(x[7], 1.0e9, 0.0, x[5], x[8], suction.s, x[2], par[_ETAS], tab)
     z_1, z_2, z_3 = x[5], x[6], 1.0 - x[5] - x[6]
     s[0] = par[_VE] * (x[0] * ev.rho_1 + (1.0 - x[0]) * ev.rho_2)

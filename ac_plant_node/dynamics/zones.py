@@ -13,6 +13,7 @@ from ac_plant_node.properties.lookup import Saturation, isentrope, liquid, satur
 from ac_plant_node.properties.tables import Tables
 
 _X_INLET_MAX = 0.95  # the mean void fraction is taken from at most this inlet quality
+_X_OUTLET_MIN = 0.7  # the suction header holds back liquid: quality drawn by the compressor
 _PRESSURE_TOLERANCE = 1.0e-13  # relative step below which Newton's method has arrived
 
 
@@ -307,3 +308,50 @@ def solve_condenser(
         if high - low <= 4.0e-16 * zones.p:
             break
     return zones, 0 if high - low <= 4.0e-16 * zones.p and p_low * 1.0001 < zones.p < p_high * 0.9999 else 1
+
+
+@jit
+def _saturated(sat: Saturation, void: float) -> tuple[float, float]:
+    """Density and volumetric enthalpy of saturated liquid and vapour at a void fraction."""
+    rho = sat.rho_f + void * (sat.rho_g - sat.rho_f)
+    return rho, sat.rho_f * sat.h_f + void * (sat.rho_g * sat.h_g - sat.rho_f * sat.h_f)
+
+
+@jit
+def inventory(ev: Evaporator, co: Condenser, zeta_c3: float, ve: float, vc: float) -> tuple[float, float]:
+    """Refrigerant mass and internal energy summed over the zones: density by density, not from the state's M and U.
+
+    The two agree as far as the pressures have been solved, so this checks them.
+    """
+    if ev.regime == 1:
+        rho_e, e_e = _saturated(ev.sat, ev.void)
+    else:
+        rho_e = ev.zeta * ev.rho_1 + (1.0 - ev.zeta) * ev.rho_2
+        e_e = ev.zeta * ev.e_1 + (1.0 - ev.zeta) * ev.rho_2 * ev.h_2
+    if co.regime == 2:
+        rho_c, e_c = co.rho_rest, co.rho_rest * co.h_rest
+    else:
+        rho_c, e_c = co.zeta_1 * co.rho_1, co.zeta_1 * co.e_1
+        rho_2, e_2 = co.rho_2, co.e_2
+        if co.regime == 1:
+            rho_2, e_2 = _saturated(co.sat, co.void_rest)
+        rho_c += co.zeta_2 * rho_2 + zeta_c3 * co.rho_3
+        e_c += co.zeta_2 * e_2 + zeta_c3 * co.e_3
+    return ve * rho_e + vc * rho_c, ve * (e_e - ev.p) + vc * (e_c - co.p)
+
+
+@jit
+def outlet_targets(ev: Evaporator, co: Condenser) -> tuple[float, float]:
+    """Enthalpies that the outlets tend to while the single-phase zone before them is absent."""
+    target_e, target_c = ev.h_2, co.h_rest
+    if ev.regime == 1:
+        # Liquid beyond what complete evaporation holds leaves with the vapour: slope of Zivi's profile at x = 1.
+        full, _, _ = mean_void((ev.sat.rho_g / ev.sat.rho_f) ** (2.0 / 3.0), ev.x_in)
+        wet = min((1.0 - ev.x_in) * (full - ev.void) / (1.0 - full), 1.0 - _X_OUTLET_MIN)
+        target_e = ev.sat.h_g - wet * (ev.sat.h_g - ev.sat.h_f)
+    if co.regime == 1:
+        # Vapour beyond what complete condensation holds leaves with the liquid: slope of Zivi's profile at x = 0.
+        y = (co.void_rest - co.void_full) / (1.0 - co.void_full)
+        x_out = y * ((1.0 - co.void_full) / co.void_full * (1.0 - y) + y)
+        target_c = co.sat.h_f + x_out * (co.sat.h_g - co.sat.h_f)
+    return target_e, target_c

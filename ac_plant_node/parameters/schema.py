@@ -70,6 +70,9 @@ class _Row(BaseModel):
     evaporator_pressure_kpa: Annotated[float, _point("evaporator_pressure_kpa")]
     superheat_k: Annotated[float, _point("superheat_k")]
     air_mass_flow_kg_s: Annotated[float, _point("air_mass_flow_kg_s")] | None = None
+    condenser_air_mass_flow_kg_s: Annotated[float, _point("condenser_air_mass_flow_kg_s")] | None = None
+    condenser_air_inlet_temperature_c: Annotated[float, _point("condenser_air_inlet_temperature_c")] | None = None
+    air_humidity_percent: Annotated[float, _point("air_humidity_percent")] | None = None
 
 
 def _table(rows: tuple[_Row, ...]) -> tuple[TableRow, ...]:

@@ -57,6 +57,9 @@ POINT_RANGES = {
     "evaporator_pressure_kpa": (50.0, 800.0),
     "superheat_k": (1.0, 60.0),
     "air_mass_flow_kg_s": (0.02, 0.3),
+    "condenser_air_mass_flow_kg_s": (0.1, 1.5),
+    "condenser_air_inlet_temperature_c": (0.0, 50.0),
+    "air_humidity_percent": (0.0, 100.0),
 }
 """Entries of a row of a table of operating points beside its name, with the range of each."""
 
@@ -65,7 +68,8 @@ POINT_RANGES = {
 class TableRow:
     """One measured operating point: air inlet, inputs, and the equilibrium that they lead to.
 
-    The air flow is the nominal one of the parameters where `air_mass_flow_kg_s` is None.
+    Where one of the last four is None, the air flows and the condenser's air are the parameters' nominal ones, and the
+    air at the evaporator is dry.
     """
 
     name: str
@@ -75,6 +79,9 @@ class TableRow:
     evaporator_pressure_kpa: float
     superheat_k: float
     air_mass_flow_kg_s: float | None = None
+    condenser_air_mass_flow_kg_s: float | None = None
+    condenser_air_inlet_temperature_c: float | None = None
+    air_humidity_percent: float | None = None
 
 
 TABLE_I = (

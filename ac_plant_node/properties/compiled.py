@@ -4,13 +4,11 @@ from collections.abc import Callable
 from typing import Any
 
 from ac_common.compiled import Array, compiler
+from ac_plant_node.compiled_sources import COMPILED_SOURCES
 
-__all__ = ["COMPILED_PACKAGES", "Array", "jit"]
+__all__ = ["Array", "jit"]
 
-COMPILED_PACKAGES = ("ac_plant_node.properties", "ac_plant_node.parameters", "ac_plant_node.dynamics")
-"""Those whose functions are compiled into one another."""
-
-_compile = compiler(*COMPILED_PACKAGES)
+_compile = compiler(*COMPILED_SOURCES)
 
 
 def jit[F: Callable[..., Any]](function: F) -> F:

@@ -14,7 +14,7 @@ from ac_common.units import RPM
 from ac_experiments.report.charts import Chart, Curve
 from ac_experiments.report.matplotlib_charts import draw
 from ac_plant_node.drive_cycle import load_drive_cycle, run_drive_cycle
-from ac_plant_node.dynamics import balances as model
+from ac_plant_node.dynamics import balances
 from ac_plant_node.equilibrium import operating_point
 from ac_plant_node.parameters.file import load_parameters
 from ac_plant_node.parameters.values import POINTS
@@ -51,8 +51,8 @@ def step_picture() -> str:
     for t in time:
         plant.step(step if t >= 10.0 else plant.inputs, 0.1)
         aux, x = plant._aux, plant.state
-        rows.append((x[1] * 1e-3, x[7] * 1e-3, aux[model.SUPERHEAT], x[0], x[5], x[6], 1.0 - x[5] - x[6],
-                     aux[model.M_COMPRESSOR] * 1e3, aux[model.M_VALVE] * 1e3))  # fmt: skip
+        rows.append((x[1] * 1e-3, x[7] * 1e-3, aux[balances.SUPERHEAT], x[0], x[5], x[6], 1.0 - x[5] - x[6],
+                     aux[balances.M_COMPRESSOR] * 1e3, aux[balances.M_VALVE] * 1e3))  # fmt: skip
     y = np.array(rows).T
     charts = [
         Chart(

@@ -68,6 +68,19 @@ def test_a_changed_line_of_code_never_meets_a_stale_design(tmp_path, monkeypatch
     assert source_fingerprint("some_package") != before
 
 
+def test_a_single_module_is_told_by_its_own_text_alone(tmp_path, monkeypatch):
+    package = tmp_path / "another_package"
+    package.mkdir()
+    for name in ("__init__", "constants", "others"):
+        (package / f"{name}.py").write_text("")
+    monkeypatch.syspath_prepend(tmp_path)
+    before = source_fingerprint("another_package.constants")
+    (package / "others.py").write_text("gamma = 1.0\n")
+    assert source_fingerprint("another_package.constants") == before
+    (package / "constants.py").write_text("N = 5\n")
+    assert source_fingerprint("another_package.constants") != before
+
+
 def test_a_damaged_file_is_computed_anew(design, tmp_path):
     assert design("med", 0.1) == 1
     (file,) = (tmp_path / "cache").glob("*.npz")

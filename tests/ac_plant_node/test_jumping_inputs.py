@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from ac_plant_node import POINTS, Plant, operating_point
-from ac_plant_node.dynamics import balances as model
-from ac_plant_node.dynamics.integrator import ERROR_SCALE
+from ac_plant_node.dynamics import balances
+from ac_plant_node.dynamics.drive import drive
+from ac_plant_node.dynamics.workspace import ERROR_SCALE
 from ac_plant_node.parameters.file import load_parameters
 from ac_plant_node.properties.tables import load_tables
 
@@ -32,17 +33,17 @@ def by_radau(point: str, inputs: NDArray[np.float64]) -> NDArray[np.float64]:
     """Outputs of `Plant.step` for each row, (TICKS, 4)."""
     par = load_parameters()
     tab = load_tables(par.refrigerant)
-    guess, z, ds, aux = model.new_workspace()
+    guess, z, ds, aux = balances.new_workspace()
     state, outputs = np.array(operating_point(point).conserved), []
-    for held in inputs:
+    for w in [drive(held, par) for held in inputs]:
 
-        def rates(_t: float, s: NDArray[np.float64], w: NDArray[np.float64] = held) -> NDArray[np.float64]:
-            model.rhs(s, w, par.array, tab, guess, z, ds, aux)
+        def rates(_t: float, s: NDArray[np.float64], w: NDArray[np.float64] = w) -> NDArray[np.float64]:
+            balances.rhs(s, w, par.array, tab, guess, z, ds, aux)
             return ds.copy()
 
         state = solve_ivp(rates, (0.0, T), state, method="Radau", rtol=1e-9, atol=1e-9 * ERROR_SCALE).y[:, -1]
         rates(0.0, state)
-        outputs.append([aux[model.P_E], aux[model.SUPERHEAT], aux[model.WALL_E2] - 273.15, aux[model.P_C]])
+        outputs.append([aux[balances.P_E], aux[balances.SUPERHEAT], aux[balances.WALL_E2] - 273.15, aux[balances.P_C]])
     return np.array(outputs)
 
 

@@ -5,7 +5,10 @@ import numpy as np
 import pytest
 
 from ac_plant_node import INPUTS, OUTPUTS, POINTS, Plant, linearize, operating_point
-from ac_plant_node.linear import descriptor
+from ac_plant_node.equilibrium import equilibrium
+from ac_plant_node.inputs import FAULTS, N_INPUTS, N_PHYSICS, TO_SI
+from ac_plant_node.inputs import INPUTS as PLANT_INPUTS
+from ac_plant_node.linear import ALL_INPUTS, MORE_OUTPUTS, descriptor
 
 
 @pytest.mark.parametrize("point", POINTS)
@@ -41,3 +44,50 @@ def test_small_step_matches_the_nonlinear_plant(point, channel):
     _, linear = control.forced_response(model, np.arange(n + 1) * h, u)
     error = np.abs(nonlinear - linear[:, 1:].T).max(axis=0) / np.abs(linear).max(axis=1)
     assert error.max() < 5e-3
+
+
+@pytest.mark.parametrize("name", [row.name for row in PLANT_INPUTS[4:]] + [row.kind for row in FAULTS[:N_PHYSICS]])
+def test_further_inputs_and_outputs_match_the_nonlinear_plant(name):
+    """Condenser air, humidity and faults as inputs; p_c, subcooling, heat and work as outputs, some fed through."""
+    humid = equilibrium(np.append(operating_point("med").inputs, [0.6, 33.0, 0.5]))
+    outputs = (*OUTPUTS, *MORE_OUTPUTS)
+    model = linearize(humid, (name,), outputs)
+    assert model.nstates == (12 if name == "refrigerant_leak" else 11)
+    n, h = 300, 0.1
+    column = ALL_INPUTS.index(name)
+    size = 5.0 * [row.step for row in (*PLANT_INPUTS, *FAULTS)][column]
+
+    def response(share):
+        plant, w = Plant(humid.conserved, humid.inputs, tolerance=1e-9), humid.inputs.copy()
+        if column < N_INPUTS:
+            w[column] += share * size
+        else:
+            plant.set_faults({name: share * size / TO_SI[FAULTS[column - N_INPUTS].unit](1.0)})
+        rows = []
+        for _ in range(n):
+            plant.step(w, h)
+            o = plant.outputs
+            rows.append(
+                [o.evaporator_pressure_pa, o.superheat_k, o.wall_temperature_c, o.condenser_pressure_pa, o.subcooling_k,
+                 o.cooling_power_w, o.latent_cooling_w, o.compressor_power_w, o.condensed_water_kg_s]
+            )  # fmt: skip
+        return np.array(rows)
+
+    # Twice the response to half the step, less that to the whole one: what is left is third order there, too.
+    base = response(0.0)
+    nonlinear = 4.0 * (response(0.5) - base) - (response(1.0) - base)
+    _, linear = control.forced_response(model, np.arange(n + 1) * h, np.full((1, n + 1), size))
+    linear = linear[:, 1:].T
+    error = np.abs(nonlinear - linear).max(axis=0) / np.abs(linear).max(axis=0)
+    print(name, error)
+    assert error.max() < 5e-3
+
+
+def test_signals_that_the_linear_plant_does_not_have_are_one_line():
+    with pytest.raises(
+        ValueError, match="no signal 'valve_stuck' of the linear plant: allowed are compressor_speed"
+    ) as e:
+        linearize("med", inputs=("valve_stuck",))
+    assert "\n" not in str(e.value)
+    with pytest.raises(ValueError, match="no signal 'noise' of the linear plant: allowed are evaporator_pressure"):
+        linearize("med", outputs=("noise",))

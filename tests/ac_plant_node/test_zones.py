@@ -3,23 +3,25 @@
 import numpy as np
 import pytest
 
+from ac_common.units import RPM
 from ac_plant_node import POINTS, Plant, operating_point
-from ac_plant_node.calibration import RPM
-from ac_plant_node.dynamics.balances import INPUT_HIGH, INPUT_LOW, REGIME_C, REGIME_E
+from ac_plant_node.dynamics.balances import REGIME_C, REGIME_E
+from ac_plant_node.inputs import FAULTS, INPUT_HIGH, INPUT_LOW, TO_SI
 from ac_plant_node.properties.lookup import saturation
 from ac_plant_node.properties.tables import load_tables
 
 
 class Ledger:
-    """Mass and energy of a plant against what they were."""
+    """Mass and energy of a plant against what they were, and what has leaked since."""
 
     def __init__(self, plant):
         self.plant, self.mass, self.energy = plant, plant.refrigerant_mass_kg, plant.stored_energy_j
 
     def check(self, mass=1e-6, energy=1e-4):
         plant = self.plant
-        assert abs(plant.refrigerant_mass_kg / self.mass - 1.0) < mass
-        assert abs(plant.stored_energy_j - self.energy - plant.heat_in_j) < energy * plant.heat_moved_j
+        assert abs((plant.refrigerant_mass_kg + plant.leaked_mass_kg) / self.mass - 1.0) < mass
+        gained_j = plant.heat_in_j - plant.leaked_energy_j
+        assert abs(plant.stored_energy_j - self.energy - gained_j) < energy * plant.heat_moved_j
 
 
 def regimes(plant):
@@ -110,7 +112,17 @@ def test_compressor_off_the_charge_goes_where_it_is_cold():
     ledger.check()
 
 
-def random_hour(seed, seconds=3600.0):
+def random_faults(rng):
+    """Up to three faults of random size at once; a leak of up to 1 kg/h, which empties the plant in half an hour."""
+    sizes = {}
+    for k in rng.choice(len(FAULTS), size=rng.integers(0, 4), replace=False):
+        row = FAULTS[k]
+        high = 1.0 / 3600.0 if row.kind == "refrigerant_leak" else row.high
+        sizes[row.kind] = rng.uniform(row.low, high) / TO_SI[row.unit](1.0)
+    return sizes
+
+
+def random_hour(seed, seconds=3600.0, faulty=False):
     """One run of random inputs; returns extremes of the outputs, and what the balances say."""
     rng = np.random.default_rng(seed)
     plant = Plant.at(POINTS[seed % 3])
@@ -120,18 +132,21 @@ def random_hour(seed, seconds=3600.0):
         w = rng.uniform(INPUT_LOW, INPUT_HIGH)
         w[0] *= rng.random() > 0.1  # the compressor's clutch open, the valve shut: now and then exactly
         w[1] *= rng.random() > 0.1
+        if faulty:
+            plant.set_faults(random_faults(rng))
         hold = rng.uniform(5.0, 60.0)
         for _ in range(int(hold)):
             y = plant.step(w, 1.0)
-            rows.append((*y, *plant.state))
+            o = plant.outputs
+            rows.append((*y, *plant.state, o.air_outlet_temperature_c, o.cooling_power_w, o.condensed_water_kg_s))
         elapsed += hold
     table = np.array(rows)
     ledger.check()
     return table.min(axis=0), table.max(axis=0)
 
 
-def check_bounds(low, high):
-    """Physical bounds: p, SH, T_w, p_c, then the state x."""
+def check_bounds(low, high, faulty=False):
+    """Physical bounds: p, SH, T_w, p_c, then the state x, then the air behind the evaporator, its heat and water."""
     assert np.isfinite(low).all()
     assert np.isfinite(high).all()
     assert low[0] > 15e3
@@ -139,14 +154,18 @@ def check_bounds(low, high):
     assert low[1] >= 0.0
     assert high[1] < 150.0
     assert low[2] > -60.0
-    assert high[2] < 60.0
-    assert low[3] > 0.3e6
+    # Air of 65 degC, and hot gas that a condenser without liquid passes on; the hotter the less its air takes away.
+    assert high[2] < (100.0 if faulty else 75.0)
+    assert low[3] > 0.28e6  # 293 kPa: saturation at 0 degC, the coldest condenser air
     assert high[3] < 3.45e6
     lengths = [4, 9, 10]
     assert low[lengths].min() >= 0.0
     assert high[lengths].max() <= 1.0
     assert low[[7, 8, 13, 14, 15]].min() > 210.0
-    assert high[[7, 8, 13, 14, 15]].max() < 400.0
+    assert high[[7, 8, 13, 14, 15]].max() < (430.0 if faulty else 400.0)  # half the isentropic efficiency: hot gas
+    assert low[16] > -50.0
+    assert high[16] < 75.0
+    assert low[18] >= 0.0
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -154,20 +173,26 @@ def test_random_inputs_over_the_whole_box(seed):
     check_bounds(*random_hour(seed))
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_random_inputs_and_faults_over_the_whole_box(seed):
+    check_bounds(*random_hour(seed, faulty=True), faulty=True)
+
+
 @pytest.mark.slow
 def test_random_inputs_for_a_day():
     for seed in range(6, 24):
-        check_bounds(*random_hour(seed))
+        faulty = seed % 2 == 0
+        check_bounds(*random_hour(seed, faulty=faulty), faulty=faulty)
 
 
 def test_inputs_beyond_the_box_saturate():
     plant, other = Plant.at("med"), Plant.at("med")
     a = plant.step(np.array([9e3, 1.7, 2.0, 80.0]), 30.0)
-    b = other.step(INPUT_HIGH, 30.0)
+    b = other.step(INPUT_HIGH[:4], 30.0)
     assert (a == b).all()
-    assert (plant.inputs == INPUT_HIGH).all()
+    assert (plant.inputs[:4] == INPUT_HIGH[:4]).all()
     a = plant.step(np.array([-50.0 * RPM, -0.1, 0.0, -40.0]), 30.0)
-    assert (plant.inputs == INPUT_LOW).all()
+    assert (plant.inputs[:4] == INPUT_LOW[:4]).all()
     assert np.isfinite(a).all()
 
 
