@@ -8,6 +8,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pytest
 from hypothesis import settings
+from playwright.sync_api import Browser
 
 from tests.domains import OWN
 
@@ -45,6 +46,15 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 def _is(item: pytest.Item, kind: str) -> bool:
     return item.get_closest_marker(kind) is not None
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """A browser for each file of tests that wants one."""
+    from tests.live_browser import started_browser
+
+    with started_browser() as browser:
+        yield browser
 
 
 @pytest.fixture(scope="session", autouse=True)

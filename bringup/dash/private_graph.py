@@ -50,14 +50,12 @@ class PrivateGraph:
         self._scenario = check({**AT_REST, "operating_point": point})
         self._folder = tempfile.TemporaryDirectory(prefix="acftc-dash-")
         self._starter = NodeStarter({}, self._log, {**ros_environment(), "ROS_DOMAIN_ID": str(domain.number)})
-        self._ends = threading.Event()
+        self._ends, self._is_prepared = threading.Event(), threading.Event()
         self._thread: threading.Thread | None = None
 
     def __enter__(self) -> Self:
         # Processes first, and from this thread: a child ends with the thread that has started it.
         self._log.mkdir()
-        prepare(self._scenario.operating_point)
-        write_designs_of(self._scenario, self._log)
         parameters = node_parameters(self._scenario, Path(self._folder.name), "realtime", passive=False)
         parameters[PLANT]["ticks"] = 0  # it never stops
         self._starter = replace(self._starter, parameters=parameters)
@@ -72,7 +70,7 @@ class PrivateGraph:
         self, kind: type[BaseException] | None, problem: BaseException | None, where: TracebackType | None
     ) -> None:
         self._ends.set()
-        if self._thread is not None:
+        if self._thread is not None and self._is_prepared.is_set():
             self._thread.join()  # first: nodes that end all around it may make its own node hang (`exit_watchdog`)
         stop(list(self._starter.children.values()))
         self._folder.cleanup()
@@ -93,6 +91,9 @@ class PrivateGraph:
         from bringup.launch.supervisor import Supervisor
 
         try:
+            prepare(self._scenario.operating_point)  # what takes long the first time; the page is there meanwhile
+            write_designs_of(self._scenario, self._log)
+            self._is_prepared.set()
             children, environment = self._starter.children, self._starter.environment
             with Supervisor(children, environment, revive=self._revive, is_over=self._ends.is_set) as supervisor:
                 supervisor.activate([name for name in ACTIVATION_ORDER if name in children])

@@ -94,8 +94,6 @@ def run_graph(
     _prepare(out_dir)
     with _domain() as domain:
         environment = {**ros_environment(), "ROS_DOMAIN_ID": str(domain)}
-        prepare(scenario.operating_point)
-        write_designs_of(scenario, out_dir / "log")
         parameters = node_parameters(scenario, out_dir, mode, passive, care)
         if beside is not None:
             beside(domain)
@@ -110,6 +108,8 @@ def run_graph(
             with _started(starter, environment, mode, domain, say) as supervisor:
                 from bringup.launch.run_end import wait_until_done
 
+                prepare(scenario.operating_point)  # meanwhile the nodes are starting
+                write_designs_of(scenario, out_dir / "log")
                 supervisor.activate(ACTIVATION_ORDER)
                 start_seconds = time.monotonic() - called_s
                 wait_until_done(supervisor, scenario.ticks, progress)
