@@ -14,7 +14,7 @@ from ac_plant_node.properties import tables
 
 
 def shipped():
-    return resources.files("ac_plant_node").joinpath("parameters.yaml").read_text()
+    return resources.files("ac_plant_node.parameters").joinpath("parameters.yaml").read_text()
 
 
 @pytest.mark.parametrize(
