@@ -79,9 +79,15 @@ class TableRow:
     evaporator_pressure_kpa: float
     superheat_k: float
     air_mass_flow_kg_s: float | None = None
-    condenser_air_mass_flow_kg_s: float | None = None
-    condenser_air_inlet_temperature_c: float | None = None
-    air_humidity_percent: float | None = None
+    condenser_air_mass_flow_kg_s: float | None = field(default=None, repr=False)
+    condenser_air_inlet_temperature_c: float | None = field(default=None, repr=False)
+    air_humidity_percent: float | None = field(default=None, repr=False)
+
+    @property
+    def other_air(self) -> dict[str, float]:
+        """Return what the row gives of the condenser's air and of humidity, by the names of the fields."""
+        names = ("condenser_air_mass_flow_kg_s", "condenser_air_inlet_temperature_c", "air_humidity_percent")
+        return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
 
 
 TABLE_I = (
@@ -135,7 +141,9 @@ class Parameters:
     @property
     def identity(self) -> str:
         """Return a hash of refrigerant, values and operating points (16 hex digits)."""
-        return digest(self.refrigerant.encode(), self.array.tobytes(), repr(self.points).encode())[:16]
+        # Other air counts where a row gives it: whoever gives none can replay all recordings with these values.
+        other_air = [repr((row.name, row.other_air)).encode() for row in self.points if row.other_air]
+        return digest(self.refrigerant.encode(), self.array.tobytes(), repr(self.points).encode(), *other_air)[:16]
 
 
 def parameter_range(name: str) -> tuple[float, float]:

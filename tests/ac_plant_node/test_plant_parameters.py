@@ -1,6 +1,7 @@
 """Parameter file and caches: what is wrong is said in one line, what is damaged is made again."""
 
 import re
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 
 from ac_plant_node import Parameters, load_parameters, parameters_fingerprint
 from ac_plant_node.parameters import values
+from ac_plant_node.parameters.file import parameter_text
 from ac_plant_node.parameters.values import NAMES
 from ac_plant_node.properties import tables
 
@@ -74,3 +76,17 @@ def test_arrays_are_read_only():
     with pytest.raises(ValueError, match="read-only"):
         load_parameters().array[0] = 1.0
     assert np.isfinite(load_parameters().array).all()
+
+
+@pytest.mark.parametrize("name", [name for name, value in vars(values.TableRow).items() if value is None])
+def test_air_that_a_row_gives_makes_another_plant_and_survives_its_file(tmp_path, name):
+    usual = load_parameters()
+    known = {usual.identity}
+    for k, row in enumerate(usual.points):
+        points = (*usual.points[:k], replace(row, **{name: 0.25}), *usual.points[k + 1 :])
+        other = replace(usual, points=points)
+        path = tmp_path / f"{k}.yaml"
+        path.write_text(parameter_text(other))
+        assert load_parameters(path).identity == other.identity
+        known.add(other.identity)
+    assert len(known) == 1 + len(usual.points)
