@@ -133,7 +133,7 @@ class Conclusion(NamedTuple):
 NOTHING = Conclusion(False, None, -1, math.nan, math.nan, None)
 
 
-@dataclass
+@dataclass(slots=True)
 class Watch:
     """Since when conditions on one residual hold; `NOT` while they do not.
 
@@ -155,9 +155,16 @@ class Watch:
     def update(self, time_s: float, ratio: float, others: float, cross_talk: float, rules: Supervision) -> None:
         """Look at the ratio of this tick, and at the largest one of the other residuals."""
         if ratio > 1.0:
-            self.above = min(self.above, time_s)
-            self.leads = min(self.leads, time_s) if ratio > rules.isolation_ratio * others else NOT
-            self.exceeds = min(self.exceeds, time_s) if ratio > cross_talk * others else NOT
+            if self.above == NOT:
+                self.above = time_s
+            if not ratio > rules.isolation_ratio * others:
+                self.leads = NOT
+            elif self.leads == NOT:
+                self.leads = time_s
+            if not ratio > cross_talk * others:
+                self.exceeds = NOT
+            elif self.exceeds == NOT:
+                self.exceeds = time_s
         elif self.above != NOT:
             self.above = self.leads = self.exceeds = NOT
         if ratio >= rules.clear_ratio:
@@ -240,7 +247,6 @@ class Decision:
     """
 
     def __init__(self, rules: Supervision, jump_rule: JumpRule, sample_time_s: float) -> None:
-        self.phase = State.QUIET
         self._rules = rules
         self._jumps = Jumps(jump_rule, sample_time_s)
         self._aftermath_s = jump_rule.aftermath_s
@@ -250,7 +256,7 @@ class Decision:
         self._detected_s = NOT
         self._away_since = NOT  # since when a reading is where it has jumped to
         self._back_since = NOT  # since when it is back
-        self._concluded = NOTHING
+        self._go_to(State.QUIET)
 
     def step(self, time_s: float, ratios: list[float], p_e: float, superheat: float, wall: float) -> Conclusion:
         """Conclude from this tick.
@@ -270,10 +276,10 @@ class Decision:
             ratio = ratios[i]
             if ratio >= rules.clear_ratio or watch.below == NOT or watch.above != NOT:  # or nothing changes
                 watch.update(time_s, ratio, max(ratios[:i] + ratios[i + 1 :]), rules.cross_talk[i], rules)
-        if self.phase is not State.UNKNOWN and time_s - self._away_since >= self._rules.confirm_s:
+        if self._away_since != NOT and self._stays_away(time_s):
             self._enter_unknown(time_s)
         else:
-            for action in _ACTIONS[self.phase]:
+            for action in self._actions:
                 action(self, time_s)
         return self._concluded
 
@@ -307,7 +313,7 @@ class Decision:
         if len(watches) != len(self._watches):
             msg = f"{len(watches)} residuals, expected {len(self._watches)}"
             raise ValueError(msg)
-        self.phase, self._watches, self._isolated = phase, watches, isolated
+        self._watches, self._isolated = watches, isolated
         self._onset_s, self._detected_s, self._away_since, self._back_since = (
             onset_s,
             detected_s,
@@ -316,7 +322,7 @@ class Decision:
         )
         self._jumps.forget()
         self._jumps.away = [first, second, third]
-        self._conclude()
+        self._go_to(phase)
 
     # -- actions ------------------------------------------------------------------------------------------------
 
@@ -333,10 +339,9 @@ class Decision:
         """Add to the isolated faults those whose residuals now say so; not while a reading's jump is looked at."""
         if len(self._isolated) == len(self._watches) or self._away_since != NOT:
             return
-        rules = self._rules
-        leads = not self._isolated and time_s - self._detected_s < rules.undecided_s
+        rules, known = self._rules, self._known
+        leads = not known and time_s - self._detected_s < rules.undecided_s
         hold_s = rules.isolate_s if leads else rules.also_isolate_s
-        known = [one.residual for one in self._isolated]
         for i, watch in enumerate(self._watches):
             if i not in known and time_s - (watch.leads if leads else watch.exceeds) >= hold_s:
                 onset_s = watch.above if self._isolated else self._onset_s
@@ -346,8 +351,9 @@ class Decision:
 
     def _end(self, time_s: float) -> None:
         """Forget what is over; what then is left without an isolated fault is a detection of its own."""
-        over = [time_s - watch.below >= self._rules.clear_s for watch in self._watches]
-        if not any(over):
+        clear_s = self._rules.clear_s
+        over = [time_s - watch.below >= clear_s for watch in self._watches]
+        if True not in over:
             return
         left = [known for known in self._isolated if not over[known.residual]]
         is_last = bool(self._isolated) and not left
@@ -380,6 +386,10 @@ class Decision:
         else:
             self._away_since, self._back_since = NOT, time_s
 
+    def _stays_away(self, time_s: float) -> bool:
+        """Return whether a reading has been away for so long that there must be a fault."""
+        return self.phase is not State.UNKNOWN and time_s - self._away_since >= self._rules.confirm_s
+
     def _enter_unknown(self, time_s: float) -> None:
         """Isolate a fault that no filter is for; the residuals of the others say nothing while it is there."""
         self._isolated = [Isolated(-1, self._away_since, time_s)]
@@ -400,9 +410,11 @@ class Decision:
     def _go_to(self, phase: State) -> None:
         self.phase = phase
         self._conclude()
+        self._actions = _ACTIONS[phase]  # not looked up at every tick: the hash of an enum takes its time
 
     def _conclude(self) -> None:
-        """Put into words what holds until the state, or what is isolated, is another."""
+        """Put into words what holds until the phase, or what is isolated, is another."""
+        self._known = {one.residual for one in self._isolated}
         if self._isolated:
             last = self._isolated[-1]
             also = ISOLABLE_KINDS[self._isolated[0].residual] if len(self._isolated) > 1 else None
