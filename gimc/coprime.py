@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gimc.errors import NotDetectableError, NotStabilisableError, UnstableError
-from gimc.hinfsyn import unreachable_mode
 from gimc.interconnect import Abcd, Matrix, abcd, state_space
+from gimc.modes import unreachable_mode
 from gimc.riccati import care
 from gimc.scaling import balancing_scales
 

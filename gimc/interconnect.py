@@ -220,18 +220,24 @@ def _as_matrix(gain: ArrayLike) -> Matrix:
 
 def safe_inverse(matrix: Matrix, what: str) -> Matrix:
     """Inverse, or an `IllPosedError` that calls the matrix by its name."""
-    if matrix.size and np.linalg.cond(_equilibrated(matrix)) > 1e12:
+    if matrix.size and np.linalg.cond(equilibrated(matrix)) > 1e12:
         raise IllPosedError(f"{what} is singular (condition number {np.linalg.cond(matrix):.1e})")
     return np.linalg.inv(matrix)
 
 
-def _equilibrated(matrix: Matrix) -> Matrix:
-    """Rows and columns scaled to a largest entry of one (Ruiz 2001): mixed units must not look like singularity."""
+def equilibrated(matrix: Any, *, block: int = 0) -> Any:
+    """Return the matrix with rows and columns scaled to a largest entry of one, so that mixed units do not matter.
+
+    Ruiz (2001). The last `block` rows share one factor.
+    """
     scaled = matrix
+    first = matrix.shape[0] - block
     for _ in range(20):
-        for axis in (0, 1):
-            largest = np.sqrt(np.abs(scaled).max(axis=axis, keepdims=True))
-            scaled = scaled / np.where(largest > 0, largest, 1.0)
+        rows = np.abs(scaled).max(axis=1, keepdims=True)
+        rows[first:] = rows[first:].max(initial=0.0)
+        scaled = scaled / np.sqrt(np.where(rows > 0, rows, 1.0))
+        columns = np.abs(scaled).max(axis=0, keepdims=True)
+        scaled = scaled / np.sqrt(np.where(columns > 0, columns, 1.0))
     return scaled
 
 

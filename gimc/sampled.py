@@ -8,8 +8,8 @@ import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 from gimc.errors import NotDetectableError, RiccatiError
-from gimc.hinfsyn import unreachable_mode
 from gimc.interconnect import Abcd, Matrix, Response, abcd
+from gimc.modes import unreachable_mode
 from gimc.norms import frequency_response
 from gimc.scaling import balance_states, balancing_scales
 

@@ -291,12 +291,12 @@ def test_sampled_plant_is_refused() -> None:
 def test_mismatch_raises(monkeypatch: pytest.MonkeyPatch) -> None:
     """A controller that does not reach the level it was made for is refused, whatever the formulas say."""
     module = __import__("sys").modules["gimc.hinfsyn"]
-    honest = module._controller
+    honest = module.central_controller
 
     def spoilt(*arguments: object) -> Abcd:
         K = honest(*arguments)
         return Abcd(K.A, K.B, 0.8 * K.C, K.D)
 
-    monkeypatch.setattr(module, "_controller", spoilt)
+    monkeypatch.setattr(module, "central_controller", spoilt)
     with pytest.raises(gimc.NormMismatchError, match="claimed norm"):
         hinfsyn(*servo_2_17())
