@@ -19,7 +19,8 @@ from gimc.scaling import balance_states
 from gimc.standard_form import Standard, standard_form
 
 NORM_TOLERANCE = 1e-3  # agreement asked of claimed and recomputed norms
-FLOOR = 1e-9  # levels below this, relative to the signals that add up to z, are not told from zero
+FLOOR = 1e-7  # levels below this, relative to the signals that add up to z, are not told from zero: they are squared
+CANCELLED = 1e-9  # nor has a norm below this, relative to the same, digits to agree on
 FAR_BELOW = 1e-6  # relative to the first feasible level: only there the floor is asked for
 SMALLEST_RTOL = 1e-12  # rounding of one Riccati solution; a narrower bisection would not end
 BACKOFF_LADDER = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0)  # multiples of the back-off tried before giving up
@@ -258,7 +259,6 @@ def _verified(plant: Abcd, K: Abcd, nmeas: int, ncon: int, claimed: float, optim
     if gamma > claimed * (1.0 + NORM_TOLERANCE):
         raise NormMismatchError(f"claimed norm {claimed:.6g}, closed loop has {gamma:.6g} at {frequency:.4g} rad/s")
     differ = abs(swept - gamma) > NORM_TOLERANCE * gamma
-    # What is left of signals that cancel has no digits to agree on.
-    if differ and gamma > FLOOR * hinf_norm(_split_loop(plant, K, nmeas, ncon))[0]:
+    if differ and gamma > CANCELLED * hinf_norm(_split_loop(plant, K, nmeas, ncon))[0]:
         raise NormMismatchError(f"norm {gamma:.6g} by Hamiltonian, {swept:.6g} by frequency sweep")
     return HinfResult(state_space(K), gamma, frequency, swept, claimed, optimal, lower, slowest)

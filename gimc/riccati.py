@@ -8,7 +8,7 @@ import scipy.linalg
 from gimc.errors import RiccatiError
 from gimc.interconnect import Matrix
 
-ROUNDING = 1e-5  # a subspace this near to a coordinate plane may be in it: X = 0
+ROUNDING = 1e-9  # of products of orthonormal vectors, generously
 
 
 def care(A: Matrix, G: Matrix, Q: Matrix, *, refine: bool = True) -> Matrix:
@@ -130,9 +130,12 @@ def _stable_graph(A: Matrix, G: Matrix, Q: Matrix) -> Matrix:
 
 def _graph(X1: Matrix, X2: Matrix, *, asymmetry: float) -> Matrix:
     """Symmetric X with the subspace [X1; X2] (orthonormal columns) as its graph."""
-    # A pair on the axis may fall apart into one on either side; the subspace is then not isotropic.
+    # A pair on the axis may fall apart into one on either side; the subspace is then not isotropic. Asked of every two
+    # vectors: beside large ones a small one that is wrong would not be seen.
     skew = X1.T @ X2
-    if np.linalg.norm(skew - skew.T) > asymmetry * max(np.linalg.norm(X1) * np.linalg.norm(X2), ROUNDING):
+    states, costates = np.linalg.norm(X1, axis=0), np.linalg.norm(X2, axis=0)
+    sizes = np.outer(states, costates) + np.outer(costates, states)
+    if (np.abs(skew - skew.T) > asymmetry * sizes + ROUNDING).any():
         raise RiccatiError("there are eigenvalues on the imaginary axis")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", scipy.linalg.LinAlgWarning)  # judged by what comes out
