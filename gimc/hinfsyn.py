@@ -4,7 +4,6 @@ Bisection over the level, a controller a little above the optimum, and the check
 that the plant is brought to is in `standard_form.py`, the formulas of one level in `central_controller.py`.
 """
 
-import operator
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from gimc.central_controller import Level, central_controller, parrott_bound, solve_level
+from gimc.checks import relative_tolerance
 from gimc.errors import IllPosedError, InfeasibleError, NormMismatchError, SynthesisError, UnstableError
-from gimc.interconnect import Abcd, abcd, lft, state_space
+from gimc.interconnect import Abcd, abcd, block_sizes, lft, state_space
 from gimc.norms import hinf_norm, poles, sweep_norm
 from gimc.scaling import balance_states
 from gimc.standard_form import Standard, standard_form
@@ -22,7 +22,6 @@ NORM_TOLERANCE = 1e-3  # agreement asked of claimed and recomputed norms
 FLOOR = 1e-7  # levels below this, relative to the signals that add up to z, are not told from zero: they are squared
 CANCELLED = 1e-9  # nor has a norm below this, relative to the same, digits to agree on
 FAR_BELOW = 1e-6  # relative to the first feasible level: only there the floor is asked for
-SMALLEST_RTOL = 1e-12  # rounding of one Riccati solution; a narrower bisection would not end
 BACKOFF_LADDER = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0)  # multiples of the back-off tried before giving up
 
 
@@ -111,7 +110,7 @@ def hinf_synthesis(
 ) -> HinfResult:
     """As `hinfsyn`, with everything that is known about the result."""
     plant = abcd(P, what="generalised plant")
-    nmeas, ncon = _checked_numbers(plant, nmeas, ncon)
+    nmeas, ncon = block_sizes(plant, nmeas, ncon)
     _check_options(rtol, backoff, gamma_max)
     standard = standard_form(balance_states(plant), nmeas, ncon)
     best, lower = _bisect(plant, standard, rtol, gamma_max)
@@ -130,30 +129,8 @@ def hinf_synthesis(
     )
 
 
-def _checked_numbers(plant: Abcd, nmeas: int, ncon: int) -> tuple[int, int]:
-    """Both numbers as integers; a float or a bool is none."""
-    p, m = plant.D.shape
-    numbers = []
-    for name, number, total, of, wanted in (
-        ("nmeas", nmeas, p, "outputs", "measurements"),
-        ("ncon", ncon, m, "inputs", "control inputs"),
-    ):
-        try:
-            whole = operator.index(number)
-        except TypeError:
-            whole = 0
-        if isinstance(number, bool) or not 0 < whole < total:
-            raise SynthesisError(
-                f"{name} = {number!r}: the plant has {total} {of}, a whole number from 1 to {total - 1} of them can be "
-                f"{wanted}"
-            )
-        numbers.append(whole)
-    return numbers[0], numbers[1]
-
-
 def _check_options(rtol: float, backoff: float, gamma_max: float) -> None:
-    if not SMALLEST_RTOL <= rtol <= 1.0:
-        raise SynthesisError(f"rtol = {rtol}: must be between {SMALLEST_RTOL:g} and 1")
+    relative_tolerance(rtol, SynthesisError)
     if not 0.0 <= backoff < np.inf:
         raise SynthesisError(f"backoff = {backoff}: must be a finite number, not negative")
     if not 0.0 < gamma_max < np.inf:

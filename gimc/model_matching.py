@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gimc.checks import real_matrix
 from gimc.errors import SynthesisError, UnstableError
 from gimc.hinfsyn import HinfResult, hinf_synthesis
-from gimc.interconnect import Abcd, Matrix, Response, abcd, append, lft, stack_inputs, state_space
+from gimc.interconnect import Abcd, Matrix, Response, abcd, append, block_sizes, lft, stack_inputs, state_space
 from gimc.norms import frequency_response, hinf_norm, poles, response_function
 
 
@@ -134,6 +135,7 @@ def model_matching(
         If P is not stable, the lower right block is not zero, or the synthesis fails.
     """
     plain = abcd(P, what="generalised plant")
+    nmeas, ncon = block_sizes(plain, nmeas, ncon)
     regularised = regularise(plain, nmeas, ncon, rho=rho, eps=eps)
     _require_stable("the generalised plant of a model matching problem", plain)
     _require_open_loop(plain, nmeas, ncon)
@@ -177,6 +179,7 @@ def matching_lower_bound(
     bound, frequency : float
     """
     plant = abcd(P)
+    nmeas, ncon = block_sizes(plant, nmeas, ncon)
     p1, m1 = plant.D.shape[0] - nmeas, plant.D.shape[1] - ncon
     respond = response_function(plant)
 
@@ -251,10 +254,10 @@ def _require_open_loop(P: Abcd, nmeas: int, ncon: int) -> None:
 
 
 def _positive(name: str, value: ArrayLike, size: int) -> Matrix:
-    array = np.broadcast_to(np.asarray(value, dtype=float), (size,))
-    if not (array > 0).all():
+    array = real_matrix(value, name, "it")
+    if array.shape not in ((), (1,), (size,)) or not (array > 0).all():
         raise ValueError(f"{name} = {value!r}: must be positive (one number, or one for each of {size} signals)")
-    return array
+    return np.broadcast_to(array, (size,))
 
 
 def _named(matching: Matching, inputs: Any) -> Matching:

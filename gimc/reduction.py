@@ -7,6 +7,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike
 
+from gimc.checks import relative_tolerance, sizes, whole_number
 from gimc.errors import UnstableError
 from gimc.interconnect import Abcd, Matrix, abcd, add, scale, state_space
 from gimc.norms import hinf_norm
@@ -102,11 +103,14 @@ def reduce_order(
         If `order` is beyond that of the system, or `rtol` negative.
     """
     original = abcd(sys)
-    u = np.ones(original.D.shape[1]) if input_scales is None else np.asarray(input_scales, dtype=float)
-    y = np.ones(original.D.shape[0]) if output_scales is None else np.asarray(output_scales, dtype=float)
+    y, u = (
+        sizes(name, given, count)
+        for name, given, count in zip(
+            ("output_scales", "input_scales"), (output_scales, input_scales), original.D.shape, strict=True
+        )
+    )
     system = balance_states(scale(original, 1.0 / y, u))
-    if system.A.size and np.linalg.eigvals(system.A).real.max() >= 0:
-        raise UnstableError("balanced truncation needs a stable system; split off the unstable part first")
+    _require_stable(system, "balanced truncation needs")
     norm, _ = hinf_norm(system)
     balanced, hankel = _balance(system)
     tails = 2.0 * np.concatenate([np.cumsum(hankel[::-1])[::-1], [0.0]])  # tails[r]: bound for order r
@@ -114,8 +118,8 @@ def reduce_order(
         if not rtol >= 0.0:
             raise ValueError(f"rtol = {rtol!r}: must not be negative")
         order = int(np.argmax(tails <= rtol * norm))
-    elif not 0 <= order <= system.A.shape[0]:
-        raise ValueError(f"order = {order}: must be between 0 and {system.A.shape[0]}, the order of the full system")
+    else:
+        order = whole_number("order", order, 0, system.A.shape[0])
     order = min(order, balanced.A.shape[0])
     reduced = (_residualised if keep_dc_gain else _truncated)(balanced, order)
     error, _ = hinf_norm(add(system, scale(reduced, -np.ones(y.size))))
@@ -124,8 +128,15 @@ def reduce_order(
 
 
 def hankel_values(sys: Any) -> Matrix:
-    """Hankel singular values of a stable system, largest first."""
-    return _balance(balance_states(abcd(sys)))[1]
+    """Return the Hankel singular values of a stable system, largest first, shape (n,).
+
+    Raises
+    ------
+    UnstableError
+    """
+    system = balance_states(abcd(sys))
+    _require_stable(system, "Hankel singular values need")
+    return _balance(system)[1]
 
 
 def minimal_realisation(sys: Any, *, rtol: float = 1e-10) -> Any:
@@ -138,8 +149,9 @@ def minimal_realisation(sys: Any, *, rtol: float = 1e-10) -> Any:
     ----------
     sys : control.StateSpace
     rtol : float
-        A direction weaker than this, relative to the size of the system, is taken as absent.
+        A direction weaker than this, relative to the size of the system, is taken as absent; 1e-12 to 1.
     """
+    rtol = relative_tolerance(rtol)
     system = balance_states(abcd(sys))
     # Signals are normalised once: what is left of B or C after a projection counts against its first size.
     A, B, C, _ = normalise_signals(system)
@@ -186,6 +198,11 @@ def gramian_factor(A: Matrix, B: Matrix) -> Matrix:
             right[:k] -= np.outer(U[:k, k], direction)
     factor = Z @ U
     return np.asarray(np.linalg.qr(np.hstack([factor.real, factor.imag]).T, mode="r").T)
+
+
+def _require_stable(system: Abcd, what: str) -> None:
+    if system.A.size and np.linalg.eigvals(system.A).real.max() >= 0:
+        raise UnstableError(f"{what} a stable system; split off the unstable part first")
 
 
 def _balance(system: Abcd) -> tuple[Abcd, Matrix]:

@@ -5,10 +5,11 @@ import warnings
 import numpy as np
 import scipy.linalg
 
+from gimc.checks import matrix_of_shape
 from gimc.errors import RiccatiError
 from gimc.interconnect import Matrix
 
-ROUNDING = 1e-9  # of products of orthonormal vectors, generously
+ROUNDING = 1e-6  # of products of orthonormal vectors, where slow and fast poles are eight decades apart
 
 
 def care(A: Matrix, G: Matrix, Q: Matrix, *, refine: bool = True) -> Matrix:
@@ -27,8 +28,11 @@ def care(A: Matrix, G: Matrix, Q: Matrix, *, refine: bool = True) -> Matrix:
     ------
     RiccatiError
         If the Hamiltonian has eigenvalues on the imaginary axis, or its stable subspace is no graph.
+    ValueError
+        If a matrix has another shape or entries that are not finite.
     """
-    n = A.shape[0]
+    n = len(A)
+    A, G, Q = (matrix_of_shape(f"care: {name}", value, n, n) for name, value in (("A", A), ("G", G), ("Q", Q)))
     if n == 0:
         return np.zeros((0, 0))
     error = RiccatiError("no scaling tried")

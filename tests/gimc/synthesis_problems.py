@@ -9,7 +9,7 @@ from gimc import Abcd, abcd, append, connect
 
 
 def siso(numerator: list[float], denominator: list[float]) -> Abcd:
-    return abcd(control.ss(control.tf(numerator, denominator)))
+    return abcd(control.tf(numerator, denominator))
 
 
 def mixed_sensitivity(G: Abcd, W1: Abcd, W2: Abcd, W3: Abcd | None = None) -> Abcd:

@@ -269,7 +269,7 @@ def test_zero_on_the_imaginary_axis_is_named() -> None:
 
 @pytest.mark.parametrize(("nmeas", "ncon"), [(0, 1), (3, 1), (1, 0), (1, 3)])
 def test_wrong_numbers(nmeas: int, ncon: int) -> None:
-    with pytest.raises(gimc.SynthesisError, match="can be"):
+    with pytest.raises(gimc.SynthesisError, match="must be a whole number from 1 to 2"):
         hinfsyn(simple(), nmeas, ncon)
 
 

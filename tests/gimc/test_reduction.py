@@ -131,5 +131,5 @@ def test_errors() -> None:
     unstable = control.ss([[0.1]], [[1]], [[1]], 0)
     with pytest.raises(gimc.UnstableError, match="stable"):
         balanced_truncation(unstable, 0.1)
-    with pytest.raises(ValueError, match="between 0 and 3"):
+    with pytest.raises(ValueError, match="whole number from 0 to 3"):
         reduce_order(random_system(0, 3, 1, 1, stable=True), order=4)
