@@ -5,14 +5,21 @@ and Optimal Control" (1996), section 17.1, which allow any D11.
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
+import scipy.linalg
 
 from gimc.errors import IllPosedError, RiccatiError
 from gimc.interconnect import Abcd, Matrix, safe_inverse
-from gimc.riccati import hinf_are
+from gimc.riccati import care, hinf_are
 from gimc.scaling import balance_states
 from gimc.standard_form import Standard
+
+Route = Literal["balanced", "plain", "hamiltonian"]
+
+ROUTES: tuple[Route, ...] = ("balanced", "plain", "hamiltonian")
+NEWTON_TOLERANCE = 1e-6  # last step, relative to the solution
 
 
 @dataclass(frozen=True)
@@ -26,35 +33,52 @@ class Level:
     L: Matrix
 
 
-def solve_level(standard: Standard, gamma: float, *, balanced: bool = True) -> Level | None:
+def solve_level(standard: Standard, gamma: float, *, route: Route = "balanced") -> Level | None:
     """Riccati solutions X and Y at level gamma, or None where the level is infeasible (Zhou, theorem 17.1)."""
     A, B, C, D = standard.sys
     m1, _, p1, _ = standard.dims
     B1, C1, D1, Dt = B[:, :m1], C[:p1], D[:p1], D[:, :m1]  # D1. and D.1
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         try:
-            X, F = _feedback(A, B, C1, D1, m1, gamma, balanced=balanced)
+            X, F = _feedback(A, B, C1, D1, m1, gamma, route)
             if not _nonnegative(A, B[:, m1:], C1, D1[:, m1:], X):
                 return None
-            Y, Lt = _feedback(A.T, C.T, B1.T, Dt.T, p1, gamma, balanced=balanced)
+            Y, Lt = _feedback(A.T, C.T, B1.T, Dt.T, p1, gamma, route)
             if not _nonnegative(A.T, C[p1:].T, B1.T, Dt[p1:].T, Y):
                 return None
             return Level(gamma, X, Y, F, Lt.T) if _coupling(X, Y) < gamma**2 else None
-        except (RiccatiError, np.linalg.LinAlgError):
+        except (ValueError, np.linalg.LinAlgError):  # RiccatiError, or numbers beyond all bounds
             return None
 
 
 def _feedback(
-    A: Matrix, B: Matrix, C1: Matrix, D1: Matrix, m1: int, gamma: float, *, balanced: bool
+    A: Matrix, B: Matrix, C1: Matrix, D1: Matrix, m1: int, gamma: float, route: Route
 ) -> tuple[Matrix, Matrix]:
-    """Solution X of the H-infinity Riccati equation and the feedback `F = -R^-1 (D1' C1 + B' X)`."""
+    """Solution X of the H-infinity Riccati equation and the feedback `F = -R^-1 (D1' C1 + B' X)`, A + B F stable."""
     R = D1.T @ D1
     R[:m1, :m1] -= gamma**2 * np.eye(m1)
-    X = hinf_are(A, B, C1, D1, m1, gamma, balanced=balanced)
-    F = -np.linalg.solve(R, D1.T @ C1 + B.T @ X)
-    if (np.linalg.eigvals(A + B @ F).real >= 0).any():
-        raise RiccatiError("the solution is not the stabilising one")
-    return X, F
+
+    def feedback(X: Matrix) -> Matrix:
+        F = np.asarray(-np.linalg.solve(R, D1.T @ C1 + B.T @ X))
+        if (np.linalg.eigvals(A + B @ F).real >= 0).any():
+            raise RiccatiError("the solution is not the stabilising one")
+        return F
+
+    if route != "hamiltonian":
+        X = hinf_are(A, B, C1, D1, m1, gamma, balanced=route == "balanced")
+        return X, feedback(X)
+    cross = np.linalg.solve(R, D1.T @ C1)
+    Q, G = C1.T @ C1 - C1.T @ D1 @ cross, B @ np.linalg.solve(R, B.T)
+    X = care(A - B @ cross, 0.5 * (G + G.T), 0.5 * (Q + Q.T), refine=False)
+    # G and Q are squares that lose digits: what two steps of Newton's method without them still move is no solution.
+    for _ in range(2):
+        F = feedback(X)
+        residual = A.T @ X + X @ A + C1.T @ C1 - F.T @ R @ F
+        step = scipy.linalg.solve_continuous_lyapunov((A + B @ F).T, -0.5 * (residual + residual.T))
+        X = X + 0.5 * (step + step.T)
+    if not np.linalg.norm(step) <= NEWTON_TOLERANCE * np.linalg.norm(X):
+        raise RiccatiError("Newton's method does not end")
+    return X, feedback(X)
 
 
 def _nonnegative(A: Matrix, B2: Matrix, C1: Matrix, D12: Matrix, X: Matrix) -> bool:

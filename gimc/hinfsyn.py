@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from gimc.central_controller import Level, central_controller, parrott_bound, solve_level
+from gimc.central_controller import ROUTES, Level, Route, central_controller, parrott_bound, solve_level
 from gimc.checks import relative_tolerance
 from gimc.errors import IllPosedError, InfeasibleError, NormMismatchError, SynthesisError, UnstableError
 from gimc.interconnect import Abcd, abcd, block_sizes, lft, state_space
@@ -149,10 +149,11 @@ def _bisect(plant: Abcd, standard: Standard, rtol: float, gamma_max: float) -> t
     while True:
         best, lower = _narrow(standard, best, lower, rtol, floor)
         if best.gamma <= floor == FAR_BELOW * first.gamma:
-            floor = min(FLOOR * _signal_size(plant, standard, first), 0.999 * floor)
+            floor = min(FLOOR * max(_signal_size(plant, standard, first), floor), 0.999 * floor)
             continue
         below = [best.gamma * factor for factor in (0.995, 0.97) if best.gamma * factor > max(lowest, floor)]
-        again = (solve_level(standard, gamma) for gamma in below)
+        routes: tuple[Route, ...] = ("balanced", "hamiltonian")
+        again = (solve_level(standard, gamma, route=route) for gamma in below for route in routes)
         found = next((level for level in again if level is not None), None)
         if found is None:
             return best, lower
@@ -205,11 +206,11 @@ def _narrow(standard: Standard, best: Level, lower: float, rtol: float, floor: f
 
 
 def _levels(standard: Standard, best: Level, backoff: float) -> Iterator[Level]:
-    """Levels to build a controller for: the back-off asked for, then larger ones, by two scalings of the pencil."""
+    """Levels to build a controller for: the back-off asked for, then larger ones, each by every route."""
     for factor in BACKOFF_LADDER:
         margin = backoff if factor == 1.0 else max(backoff, 1e-3) * factor
-        for route in (True, False):
-            level = solve_level(standard, best.gamma * (1.0 + margin), balanced=route)
+        for route in ROUTES:
+            level = solve_level(standard, best.gamma * (1.0 + margin), route=route)
             if level is not None:
                 yield level
 

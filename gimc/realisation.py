@@ -94,7 +94,7 @@ def _check_response(system: Abcd, num: Matrix, den: Matrix, what: str) -> None:
             continue  # a pole on the axis, or as good as
         largest = max(largest, float(np.polyval(np.abs(num), w)) / abs(bottom))
         found = (D + C @ np.linalg.solve(1j * w * np.eye(len(A)) - A, B)).item()
-        size = max(abs(top / bottom), 1e6 * eps * largest) * max(1.0, 1e6 * rounding / abs(bottom))
+        size = max(abs(top / bottom), 1e-6 * largest) * max(1.0, 1e6 * rounding / abs(bottom))
         if abs(found - top / bottom) > TOLERANCE * size:
             raise ValueError(
                 f"{what}: no realisation reproduces these coefficients at {w:.3g} rad/s, their poles are spread too "

@@ -8,9 +8,9 @@ import scipy.linalg
 from numpy.typing import ArrayLike
 
 from gimc.checks import relative_tolerance, sizes, whole_number
-from gimc.errors import UnstableError
+from gimc.errors import SynthesisError, UnstableError
 from gimc.interconnect import Abcd, Matrix, abcd, add, scale, state_space
-from gimc.norms import hinf_norm
+from gimc.norms import frequency_response, hinf_norm
 from gimc.scaling import balance_states, normalise_signals
 
 
@@ -101,6 +101,8 @@ def reduce_order(
         If `sys` is not stable.
     ValueError
         If `order` is beyond that of the system, or `rtol` negative.
+    SynthesisError
+        If rounding keeps the error above `rtol` times the norm.
     """
     original = abcd(sys)
     y, u = (
@@ -114,6 +116,7 @@ def reduce_order(
     norm, _ = hinf_norm(system)
     balanced, hankel = _balance(system)
     tails = 2.0 * np.concatenate([np.cumsum(hankel[::-1])[::-1], [0.0]])  # tails[r]: bound for order r
+    to_tolerance = order is None
     if order is None:
         if not rtol >= 0.0:
             raise ValueError(f"rtol = {rtol!r}: must not be negative")
@@ -123,6 +126,11 @@ def reduce_order(
     order = min(order, balanced.A.shape[0])
     reduced = (_residualised if keep_dc_gain else _truncated)(balanced, order)
     error, _ = hinf_norm(add(system, scale(reduced, -np.ones(y.size))))
+    if to_tolerance and error > ((1.0 + 1e-3) * rtol + 1e-12) * norm:
+        raise SynthesisError(
+            f"reduction to rtol = {rtol:g}: order {order} has the error {error / norm:.3g} of the norm, though the "
+            "Hankel values promise less: poles too near the axis for rounding; give an order, or a larger rtol"
+        )
     result = state_space(scale(reduced, y, 1.0 / u), sys)
     return Reduction(result, hankel, order, float(tails[order]), error, norm)
 
@@ -150,6 +158,11 @@ def minimal_realisation(sys: Any, *, rtol: float = 1e-10) -> Any:
     sys : control.StateSpace
     rtol : float
         A direction weaker than this, relative to the size of the system, is taken as absent; 1e-12 to 1.
+
+    Raises
+    ------
+    SynthesisError
+        If the response does not stay the same.
     """
     rtol = relative_tolerance(rtol)
     system = balance_states(abcd(sys))
@@ -158,7 +171,25 @@ def minimal_realisation(sys: Any, *, rtol: float = 1e-10) -> Any:
     reach = _reachable_basis(A, B, rtol)
     observe = _reachable_basis(reach.T @ A.T @ reach, reach.T @ C.T, rtol)
     basis = reach @ observe
-    return state_space(_projected(system, basis, basis), sys)
+    minimal = _projected(system, basis, basis)
+    if not _same_response(system, minimal, max(1e-6, 1e3 * rtol)):
+        raise SynthesisError(
+            "minimal realisation: the response does not stay the same, rank decisions at this rtol are not safe; give "
+            "another rtol, or build the system with shared states (gimc.stack_inputs, gimc.stack_outputs)"
+        )
+    return state_space(minimal, sys)
+
+
+def _same_response(system: Abcd, other: Abcd, rtol: float) -> bool:
+    """Whether two systems agree around the poles of the second, every output relative to its largest response."""
+    moduli = np.abs(np.linalg.eigvals(other.A)) if other.A.size else np.ones(1)
+    w = np.concatenate([0.3 * moduli, 0.97 * moduli, 3.0 * moduli])
+    G, H = frequency_response(system, w), frequency_response(other, w)
+    finite = np.isfinite(G).all(axis=(1, 2))
+    if not finite.any():
+        return True
+    size = np.abs(G[finite]).max(axis=(0, 2), keepdims=True)
+    return bool((np.abs(H[finite] - G[finite]) <= rtol * size).all())
 
 
 def gramian_factor(A: Matrix, B: Matrix) -> Matrix:
