@@ -17,6 +17,7 @@ from pathlib import Path
 import psutil
 
 from ac_experiments.bags.reader import read_bag
+from ac_experiments.designs import write_designs_of
 from ac_experiments.metrics import summarise, write_summary
 from ac_experiments.scenario import check
 from ac_experiments.scenario_schema import Scenario
@@ -92,6 +93,8 @@ def run_many(runs: int, folder: Path, graph: bool = False, looks: int = 10, say:
     """Run many, looking `looks` times at what is held; the first look comes after a tenth of them."""
     first = max(1, round(WARM_UP * runs))
     at = {first + round(i * (runs - first) / max(looks - 1, 1)) for i in range(looks)}
+    for number in range(3):  # one for each operating point: a synthesis in this process would look like growth
+        write_designs_of(tiny(number), folder)
     seen = []
     for number in range(1, runs + 1):
         run_one(number, folder, graph)
