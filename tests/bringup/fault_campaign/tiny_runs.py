@@ -17,7 +17,7 @@ from pathlib import Path
 import psutil
 
 from ac_experiments.bags.reader import read_bag
-from ac_experiments.designs import write_designs_of
+from ac_experiments.designs import designs_of
 from ac_experiments.metrics import summarise, write_summary
 from ac_experiments.scenario import check
 from ac_experiments.scenario_schema import Scenario
@@ -94,7 +94,7 @@ def run_many(runs: int, folder: Path, graph: bool = False, looks: int = 10, say:
     first = max(1, round(WARM_UP * runs))
     at = {first + round(i * (runs - first) / max(looks - 1, 1)) for i in range(looks)}
     for number in range(3):  # one for each operating point: a synthesis in this process would look like growth
-        write_designs_of(tiny(number), folder)
+        designs_of(tiny(number))
     seen = []
     for number in range(1, runs + 1):
         run_one(number, folder, graph)
