@@ -322,7 +322,7 @@ def _parameters(recording: Recording) -> list[Part]:
     scenario: Mapping[str, Any] = recording.metadata["scenario"]
     given = {
         "sample time": f"{recording.metadata['sample_time_s']:g} s",
-        "sensors": "p_e, SH and wall thermocouple" if scenario.get("sensors", 3) == 3 else "p_e and SH",
+        "sensors": _sensors(scenario.get("sensors", 3)),
         "superheat": f"{scenario.get('superheat_sensor', 'direct')} sensor",
         "controller": f"K0 {scenario.get('controller', 'tracking')}",
         "noise (standard deviation)": _noise(scenario.get("noise", {})),
@@ -337,6 +337,12 @@ def _parameters(recording: Recording) -> list[Part]:
         heads = ["Node", "Parameters; the others have their defaults"]
         parts += [Words("Given to the nodes", "heading"), Table(heads, rows)]
     return parts
+
+
+def _sensors(sensors: int | list[str]) -> str:
+    if isinstance(sensors, list):
+        return ", ".join(sensors)
+    return "p_e, SH and wall thermocouple" if sensors == 3 else "p_e and SH"
 
 
 def _noise(noise: Mapping[str, Any]) -> str:

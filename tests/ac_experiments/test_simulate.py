@@ -62,6 +62,37 @@ def test_the_loop_passes_each_signal_on():
     assert pressure[onset + 1] < pressure[onset] - 1.0
 
 
+def test_noise_on_the_condenser_pressure_leaves_the_other_noise_as_it_is():
+    noise = ["duration_s=60", "noise={evaporator_pressure_kpa: 0.2, superheat_k: 0.1, seed: 3}"]
+    without = simulate(load("nominal", noise)).series
+    series = simulate(load("nominal", [*noise, "noise.condenser_pressure_kpa=5"])).series
+    assert np.array_equal(without["measured/condenser_pressure"], without["plant/condenser_pressure"])
+    off = series["measured/condenser_pressure"] - series["plant/condenser_pressure"]
+    assert 4000.0 < np.std(off) < 6000.0
+    for key in set(SERIES) - {"measured/condenser_pressure"}:
+        assert np.array_equal(series[key], without[key]), key
+    # A sequence of its own, not a copy of another sensor's.
+    p_e = series["measured/evaporator_pressure"] - series["plant/evaporator_pressure"]
+    assert abs(np.corrcoef(off, p_e)[0, 1]) < 0.2
+
+
+@pytest.mark.parametrize(
+    ("key", "to", "higher"),
+    [
+        ("condenser_mass_flow_percent", -50.0, ["plant/condenser_pressure"]),
+        ("condenser_inlet_temperature_k", 10.0, ["plant/condenser_pressure", "plant/condenser_air_inlet_temperature"]),
+        # Water that condenses gives its heat, too: the compressor has more to do for the same pressure.
+        ("humidity_percent", 60.0, ["controller/command:compressor", "plant/condenser_pressure"]),
+    ],
+)
+def test_the_condensers_air_and_the_humidity_reach_the_plant(key: str, to: float, higher: list[str]):
+    changes = {key: [{"at_s": 20.0, "to": to, "ramp_s": 30.0}]}
+    series = simulate(check({"name": "moist", "duration_s": 200.0, "passive": True, "air": changes})).series
+    for signal in higher:
+        before, after = series[signal][190], series[signal][-1]
+        assert after > 1.02 * before, signal
+
+
 @pytest.mark.parametrize("passive", [False, True])
 def test_actuator_fault(passive: bool):
     summary = summarise(simulate(load("actuator_fault"), passive=passive))
