@@ -34,6 +34,23 @@ class PlantOutput(NamedTuple):
     """Pa"""
 
 
+class Performance(NamedTuple):
+    """What the plant makes of it, for evaluation only: its series are `ac_common.topics.PERFORMANCE_SERIES`."""
+
+    cooling: float
+    """all the heat that the air gives to the evaporator, W"""
+    latent_cooling: float
+    """the part of it that water brings which condenses, W"""
+    condensed_water: float
+    """kg/s"""
+    compressor_power: float
+    """W"""
+    vent_temperature: float
+    """of the air behind the evaporator, degC"""
+    subcooling: float
+    """K"""
+
+
 class Innovation(NamedTuple):
     """The innovation f_e = N~ u - M~ y of each reading: ``fdi/innovation/...``."""
 

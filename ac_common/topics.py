@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from ac_common.faults import BY_KIND, FAULTS, ISOLABLE, Fault, Place
+from ac_common.signals import Performance
 
 NAMESPACE = "/ac"
 
@@ -23,11 +24,30 @@ VALVE = "expansion_valve"
 AIR = "evaporator_air"
 CONDENSER_AIR = "condenser_air"
 
-#: The field of a JointState in which a joint's value travels: speeds and flows are velocities, openings positions.
-JOINT_FIELD = {COMPRESSOR: "velocity", VALVE: "position", AIR: "velocity", CONDENSER_AIR: "velocity"}
+#: The field of a JointState in which a joint's value travels: speeds and flows are velocities, openings positions, heat
+#: flows and powers efforts.
+JOINT_FIELD = {
+    COMPRESSOR: "velocity",
+    VALVE: "position",
+    AIR: "velocity",
+    CONDENSER_AIR: "velocity",
+    "cooling": "effort",
+    "latent_cooling": "effort",
+    "condensed_water": "velocity",
+    "compressor_power": "effort",
+}
 
 #: Unit of a joint's value.
-JOINT_UNIT = {COMPRESSOR: "rad/s", VALVE: "0..1", AIR: "kg/s", CONDENSER_AIR: "kg/s"}
+JOINT_UNIT = {
+    COMPRESSOR: "rad/s",
+    VALVE: "0..1",
+    AIR: "kg/s",
+    CONDENSER_AIR: "kg/s",
+    "cooling": "W",
+    "latent_cooling": "W",
+    "condensed_water": "kg/s",
+    "compressor_power": "W",
+}
 
 # Names of the nodes, as in `ros2 node list`.
 PLANT, INJECTOR, FDI, COMPENSATOR, CONTROLLER = "ac_plant", "fault_injector", "fdi", "compensator", "gimc_controller"
@@ -36,8 +56,17 @@ BRINGUP = "bringup"
 PAGE = "dash"
 
 
-#: What the value of a joint can be [rad/s, 0..1, kg/s]: the compressor's 6000 rpm and a fault on top.
-JOINT_SPAN = {COMPRESSOR: (0.0, 750.0), VALVE: (0.0, 1.0), AIR: (0.0, 5.0), CONDENSER_AIR: (0.0, 5.0)}
+#: What the value of a joint can be, in its unit: the compressor's 6000 rpm and a fault on top.
+JOINT_SPAN = {
+    COMPRESSOR: (0.0, 750.0),
+    VALVE: (0.0, 1.0),
+    AIR: (0.0, 5.0),
+    CONDENSER_AIR: (0.0, 5.0),
+    "cooling": (-5.0e4, 5.0e4),
+    "latent_cooling": (-5.0e4, 5.0e4),
+    "condensed_water": (0.0, 5.0),
+    "compressor_power": (-5.0e4, 5.0e4),
+}
 
 
 class Scalar(NamedTuple):
@@ -164,6 +193,28 @@ TOPICS: tuple[Topic, ...] = (
         "air into the condenser, a measured disturbance that the linear designs do not use",
         PLANT,
         frame="condenser_air",
+    ),
+    Topic(
+        "plant/performance",
+        JOINTS,
+        "heat from the air, the part of it from condensing water, that water, compressor power: for evaluation only",
+        PLANT,
+        joints=Performance._fields[:4],
+    ),
+    Topic(
+        "plant/vent_temperature",
+        TEMPERATURE,
+        "air behind the evaporator: for evaluation only",
+        PLANT,
+        frame="evaporator_air",
+    ),
+    Topic(
+        "plant/subcooling",
+        TEMPERATURE,
+        "subcooling at the condenser's outlet, a difference: for evaluation only",
+        PLANT,
+        frame="condenser",
+        in_kelvin=True,
     ),
     Topic(
         "measured/evaporator_pressure",
@@ -311,6 +362,14 @@ BY_NAME = {topic.name: topic for topic in (*TOPICS, *OCCASIONAL)}
 
 #: Keys of `Recording.series`, in the order of the table above.
 SERIES: tuple[str, ...] = tuple(key for topic in TOPICS for key in topic.series)
+
+
+#: Keys in `SERIES` of the fields of `ac_common.signals.Performance`, in their order.
+PERFORMANCE_SERIES: tuple[str, ...] = (
+    *BY_NAME["plant/performance"].series,
+    "plant/vent_temperature",
+    "plant/subcooling",
+)
 
 
 def truth_of(kind: str) -> str:

@@ -22,6 +22,7 @@ from ac_common.topics import (
     BY_NAME,
     COMPENSATOR,
     CONTROLLER,
+    PERFORMANCE_SERIES,
     SERIES,
     residual_of,
     schedule_of,
@@ -44,6 +45,7 @@ _MADE = (
     *topics_of("plant", PlantOutput),
     "plant/air_inlet_temperature",
     "plant/condenser_air_inlet_temperature",
+    *PERFORMANCE_SERIES,
     *topics_of("measured", Measurement),
     *topics_of("fdi/innovation", Innovation),
     *(residual_of(kind) for kind in ISOLABLE_KINDS),
@@ -179,8 +181,8 @@ class _Loop:
         self._inputs[0], self._inputs[1] = actuator
         self.status.append(found.status(time_s))
         seen = (*measured, *found.innovation, *found.residual)
-        air = (air_inlet_c, self._condenser_inlet_c)
-        return (*outputs, *air, *seen, *q.tolist(), *commanded, *actuator)
+        told = (air_inlet_c, self._condenser_inlet_c, *self._plant.performance)
+        return (*outputs, *told, *seen, *q.tolist(), *commanded, *actuator)
 
     def advance(self, air: Sequence[float]) -> None:
         """Let the plant run on to the next tick with the actuators as they are; raises ValueError when it cannot."""

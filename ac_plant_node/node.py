@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ac_common.health import PlantReport
 from ac_common.safe_command import COMMAND_HOLD_S, CommandHold
+from ac_common.signals import Performance
 from ac_common.topics import AIR_SIDE, CLOCK, PLANT, Topic
 from ac_plant_node.rest import rest_at
 from ac_ros_common.loop_node import LoopNode, run_node
@@ -43,6 +44,8 @@ MOST_LATE_TICKS = 1000
 LATE_SHARE = 0.5
 #: So many of the missed ticks, and of the late commands, are told one by one in a health report.
 MOST_TOLD = 200
+#: What a model of somebody else's has of what ours tells for evaluation.
+_UNTOLD = Performance(*[math.nan] * len(Performance._fields))
 
 
 class Model(Protocol):
@@ -157,6 +160,10 @@ class PlantNode(LoopNode):
         self.send(time_ns, "plant/air_inlet_temperature", float(self._held[3]))
         self.send(time_ns, "plant/condenser_pressure", p_c)
         self.send(time_ns, "plant/condenser_air_inlet_temperature", float(self._held[5]))
+        *joints, vent, subcooling = getattr(self._plant, "performance", _UNTOLD)
+        self.send(time_ns, "plant/performance", *joints)
+        self.send(time_ns, "plant/vent_temperature", vent)
+        self.send(time_ns, "plant/subcooling", subcooling)
 
     def _commanded(self, time_ns: int, *values: float) -> None:
         """Hold the inputs of a tick from now on; in lockstep that ends the tick."""
@@ -249,7 +256,7 @@ class PlantNode(LoopNode):
         )
 
     def _truth(self) -> dict[str, Any]:
-        """Return what is on no topic, for evaluation only: the paper's state and the cooling power."""
+        """Return what no node of the loop may know, for evaluation only: the paper's state, and the performance."""
         if self._plant is None:
             return {}
         from ac_plant_node import Plant
@@ -258,7 +265,7 @@ class PlantNode(LoopNode):
         if not isinstance(self._plant, Plant):
             return {}  # a model of somebody else's
         state = dict(zip(STATE_NAMES, self._plant.state.tolist(), strict=True))
-        return {"internal_state": state, "cooling_power_w": self._plant.outputs.cooling_power_w}
+        return {"internal_state": state, "performance": self._plant.performance._asdict()}
 
 
 def main() -> int:

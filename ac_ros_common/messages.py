@@ -110,7 +110,7 @@ def message_reader(topic: Topic) -> Callable[[Any], Values]:
                     raise BadMessage(msg, "length")
                 value = column[i]
                 if not low <= value <= high:
-                    raise _bad(value, key, low, high, "rad/s, 0..1 or kg/s")
+                    raise _bad(value, key, low, high, "rad/s, 0..1, kg/s or W")
                 values.append(value)
             return tuple(values)
 

@@ -24,6 +24,7 @@ from ac_experiments.report.nodes import MOST_EVENTS, Event, Report, events_of, h
 from ac_experiments.report.panels import around, charts_of, cut, story_of, subscripted
 from ac_experiments.report.paper_figures import figures_for
 from ac_experiments.report.parts import Part, Plot, Section, Table, Words, cell, code, render_page
+from ac_experiments.report.performance import performance_table
 
 _METRICS = (
     ("command_change_rpm", "Change of the commanded compressor speed at rest", "rpm", "+.2f"),
@@ -88,6 +89,7 @@ def render(
     sections = [
         Section("faults", "Faults", _faults_table(summary)),
         Section("figures", "Figures", _metrics_table(summary, other, scenario)),
+        Section("performance", "Performance of the plant", performance_table(recording)),
         *_details(summary, recording, beside, note, plots),
         Section("run", "The whole run", _whole_run(recording, beside, note, plots)),
         Section("nodes", "Timing and health of the nodes", _nodes(recording, reports, plots)),
