@@ -127,6 +127,25 @@ def test_the_performance_is_that_of_a_plant_with_the_same_inputs():
     assert mean["sensible_cooling"] == pytest.approx(rest.cooling_power_w, rel=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("key", "to", "isolated", "active_kpa"),
+    [
+        ("condenser_inlet_temperature_k", 10.0, {"compressor_speed", "evaporator_pressure"}, -1.8),
+        ("condenser_mass_flow_percent", -50.0, {"compressor_speed", "evaporator_pressure"}, -4.1),
+        ("humidity_percent", 50.0, {"evaporator_pressure"}, -9.7),
+    ],
+)
+def test_the_linear_designs_take_the_new_disturbances_for_faults(key, to, isolated, active_kpa):
+    """As the table in docs/plant.md says; a detector that knows of them is to do better."""
+    scenario = load("nominal", ["duration_s=400", f"air.{key}=[{{at_s: 50, to: {to}, ramp_s: 50}}]"])
+    for passive, expected in ((True, 0.0), (False, active_kpa)):
+        run = simulate(scenario, passive=passive)
+        assert {row.isolated for row in run.status} - {None} == isolated
+        assert summarise(run)["false_alarms"] > 0
+        error = run.series["plant/evaporator_pressure"][-1] - run.series["reference/evaporator_pressure"][-1]
+        assert error / 1e3 == pytest.approx(expected, abs=0.05)
+
+
 @pytest.mark.parametrize("passive", [False, True])
 def test_actuator_fault(passive: bool):
     summary = summarise(simulate(load("actuator_fault"), passive=passive))
