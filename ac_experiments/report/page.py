@@ -202,9 +202,11 @@ def _unit(kind: str) -> str:
     return "" if kind == UNKNOWN else BY_KIND[kind].unit
 
 
-def _name(kind: str) -> str:
+def _name(kind: str) -> str | Markup:
     """Return symbol and name of a fault, as a table shows them."""
-    return UNKNOWN if kind == UNKNOWN else f"{subscripted(BY_KIND[kind].symbol)} {BY_KIND[kind].name}"
+    if kind == UNKNOWN:
+        return UNKNOWN
+    return Markup("{} {}").format(Markup(subscripted(BY_KIND[kind].symbol)), BY_KIND[kind].name)
 
 
 def _metrics_table(
