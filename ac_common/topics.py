@@ -6,7 +6,7 @@ start fast. How to add a topic: `docs/how-to/new-topic.md`.
 
 from dataclasses import dataclass
 
-from ac_common.faults import BY_KIND, COMPONENT_KINDS, COMPONENTS, FAULTS, ISOLABLE, Fault, Place
+from ac_common.faults import BY_KIND, FAULTS, ISOLABLE, Fault, Place
 
 NAMESPACE = "/ac"
 
@@ -20,13 +20,11 @@ COMPRESSOR = "compressor"
 VALVE = "expansion_valve"
 AIR = "evaporator_air"
 
-#: The field of a JointState in which a joint's value travels: speeds and flows are velocities, openings and the sizes
-#: of components' faults positions.
-JOINT_FIELD = {COMPRESSOR: "velocity", VALVE: "position", AIR: "velocity"} | dict.fromkeys(COMPONENT_KINDS, "position")
+#: The field of a JointState in which a joint's value travels: speeds and flows are velocities, openings positions.
+JOINT_FIELD = {COMPRESSOR: "velocity", VALVE: "position", AIR: "velocity"}
 
 #: Unit of a joint's value.
 JOINT_UNIT = {COMPRESSOR: "rad/s", VALVE: "0..1", AIR: "kg/s"}
-JOINT_UNIT |= {fault.kind: fault.si_unit for fault in COMPONENTS}
 
 # Names of the nodes, as in `ros2 node list`.
 PLANT, INJECTOR, FDI, COMPENSATOR, CONTROLLER = "ac_plant", "fault_injector", "fdi", "compensator", "gimc_controller"
@@ -37,7 +35,6 @@ PAGE = "dash"
 
 #: What the value of a joint can be [rad/s, 0..1, kg/s]: the compressor's 6000 rpm and a fault on top.
 JOINT_SPAN = {COMPRESSOR: (0.0, 750.0), VALVE: (0.0, 1.0), AIR: (0.0, 5.0)}
-JOINT_SPAN |= {fault.kind: (fault.lowest_live_si, fault.largest_live_si) for fault in COMPONENTS}
 #: What a pressure [Pa] and a temperature [degC, or K for a difference] of this loop can be at all.
 PRESSURE_SPAN = (1.0e3, 5.0e6)
 TEMPERATURE_SPAN = (-150.0, 200.0)
@@ -109,8 +106,6 @@ _READINGS = {
 
 def _of_fault(fault: Fault, name: str, meaning: str, publisher: str, *subscribers: str) -> Topic:
     """Return a topic that carries the size of a fault, in the type of what it is added to."""
-    if fault.place is Place.PLANT:
-        return Topic(name, JOINTS, meaning, publisher, subscribers, (fault.kind,))
     if fault.place is Place.ACTUATOR:
         return Topic(name, JOINTS, meaning, publisher, subscribers, (fault.signal,), is_difference=True)
     type_, frame, in_kelvin = _READINGS[fault.signal]
@@ -188,14 +183,6 @@ TOPICS: tuple[Topic, ...] = (
     ),
     Topic("controller/command", JOINTS, "u, within its limits", CONTROLLER, (INJECTOR, FDI), _ACTUATORS),
     Topic("actuator/command", JOINTS, "what reaches the plant: u with f_N", INJECTOR, (PLANT,), _ACTUATORS),
-    Topic(
-        "component/faults",
-        JOINTS,
-        "faults of components that the plant is to have",
-        INJECTOR,
-        (PLANT,),
-        COMPONENT_KINDS,
-    ),
     Topic(
         "fdi/innovation/evaporator_pressure",
         PRESSURE,

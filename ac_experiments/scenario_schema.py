@@ -129,7 +129,7 @@ class ScheduledFault(_Part):
 
     onset_s: float = Field(ge=0.0)
     end_s: float | None = None
-    profile: Literal["step", "ramp", "sine", "drift", "intermittent", "random_walk", "noise"] = "step"
+    profile: Literal["step", "ramp", "sine", "drift", "intermittent", "random_walk"] = "step"
     rise_s: float | None = Field(default=None, ge=SHORTEST_S)
     period_s: float | None = Field(default=None, ge=SHORTEST_S)
     time_constant_s: float | None = Field(default=None, ge=SHORTEST_S)
@@ -166,8 +166,7 @@ class ScheduledFault(_Part):
 
 def _model_of(fault: Fault) -> type[ScheduledFault]:
     """Return the part of a scenario file that describes a fault of this kind."""
-    default = ... if fault.default is None else fault.default
-    size = (float, Field(default=default, ge=fault.lowest, le=fault.largest))
+    size = (float, Field(ge=-fault.largest, le=fault.largest))
     fields: dict[str, Any] = {"kind": (Literal[fault.kind], ...), fault.size_key: size}
     return create_model(fault.kind, __base__=ScheduledFault, **fields)
 

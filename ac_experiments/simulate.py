@@ -1,8 +1,7 @@
 """The whole loop in one process, without ROS: the same step functions as the nodes, in the order of one tick.
 
-Tick k: plant outputs -> injector (sensor faults, noise) -> detector -> compensator -> controller -> injector (faults of
-actuators and components) -> plant. The graph of processes calls exactly these functions in this order, so both give the
-same numbers.
+Tick k: plant outputs -> injector (sensor faults, noise) -> detector -> compensator -> controller -> injector (actuator
+faults) -> plant. The graph of processes calls exactly these functions in this order, so both give the same numbers.
 """
 
 import time
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.errors import RunError
-from ac_common.faults import COMPONENT_KINDS, ISOLABLE_KINDS, KINDS
+from ac_common.faults import ISOLABLE_KINDS, KINDS
 from ac_common.fdi_status import StatusRow
 from ac_common.health import AS_USUAL
 from ac_common.signals import Innovation, Measurement, PlantOutput, Reference, topics_of
@@ -49,9 +48,7 @@ _MADE = (
     *(f"compensator/q:{joint}" for joint in _ACTUATORS),
     *(f"controller/command:{joint}" for joint in _ACTUATORS),
     *(f"actuator/command:{joint}" for joint in _ACTUATORS),
-    *BY_NAME["component/faults"].series,
 )
-_INLET_SENSOR = COMPONENT_KINDS.index("air_inlet_sensor")
 
 
 def simulate(
@@ -136,7 +133,7 @@ class _Loop:
     def __init__(self, scenario: Scenario, designs: Designs, *, accommodate: bool) -> None:
         # Imported here: these compile or load designs, and the command line must answer --help at once.
         from ac_plant_node import Plant, operating_point
-        from fault_injector_node.injector import FaultInjector, components
+        from fault_injector_node.injector import FaultInjector
         from fdi_node import FaultDetector
         from gimc_controller_node import Compensator
         from gimc_controller_node.making import make_controller
@@ -149,7 +146,6 @@ class _Loop:
         self.events: list[dict[str, Any]] = []
         self._sample_time_s = scenario.sample_time_s
         self._plant = Plant.at(scenario.operating_point)
-        self._components_of = components
         self._injector = FaultInjector(scenario.noise.std, scenario.noise.seed, scenario.superheat_sensor)
         self._detector = FaultDetector(designs.fdi)
         self._compensator = Compensator(designs.compensator, accommodate=accommodate)
@@ -158,12 +154,11 @@ class _Loop:
         self._inputs, self._reading = np.array(rest.inputs), np.empty(len(Measurement._fields))
         # The plant reports the inlet temperature that acted until now: the one held over the sample just past.
         self._air_inlet_c = float(rest.inputs[3])
-        self._components = (0.0,) * len(COMPONENT_KINDS)
         self._does = {COMPENSATOR: "", CONTROLLER: ""}
 
     def tick(self, time_s: float, reference: NDArray[np.float64], faults: Sequence[float]) -> tuple[float, ...]:
         """Go around the loop once; return the values of `_MADE`."""
-        outputs, air_inlet_c = self._outputs, self._air_inlet_c + self._components[_INLET_SENSOR]
+        outputs, air_inlet_c = self._outputs, self._air_inlet_c
         measured = self._injector.measure(outputs[:3], faults)
         found = self._detector.observe(time_s, measured, air_inlet_c)
         wanted = tuple(reference.tolist())
@@ -179,13 +174,9 @@ class _Loop:
         commanded = command.tolist()
         actuator = self._injector.actuate(commanded, faults)
         self._inputs[0], self._inputs[1] = actuator
-        sizes = self._components_of(faults)
-        if sizes != self._components:
-            self._components = sizes
-            self._plant.hold_faults(sizes[:_INLET_SENSOR])
         self.status.append(found.status(time_s))
         seen = (*measured, *found.innovation, *found.residual)
-        return (*outputs, air_inlet_c, *seen, *q.tolist(), *commanded, *actuator, *sizes)
+        return (*outputs, air_inlet_c, *seen, *q.tolist(), *commanded, *actuator)
 
     def advance(self, air: Sequence[float]) -> None:
         """Let the plant run on to the next tick with the actuators as they are; raises ValueError when it cannot."""

@@ -24,20 +24,20 @@ from ac_common.topics import INJECTOR
 from ac_plant_node.rest import rest_at
 from ac_ros_common.loop_node import LoopNode, run_node
 from ac_ros_common.parameters import MODE, OPERATING_POINT, RUN_START, SAMPLE_TIME, SUPERHEAT_SENSOR, Parameter
-from fault_injector_node.injector import FaultInjector, components
+from fault_injector_node.injector import FaultInjector
 from fault_injector_node.live import LiveFault, Shape
 
 
 def _live_parameters(fault: Fault) -> tuple[Parameter, ...]:
-    kind, size, least, most = fault.kind, fault.size_parameter, fault.lowest_live_si, fault.largest_live_si
+    kind, size, most = fault.kind, fault.size_parameter, fault.largest_live_si
     return (
         Parameter(f"{kind}.profile", "step", "how the live fault grows", choices=PROFILES, live=True),
-        Parameter(f"{kind}.{size}", 0.0, f"size of the live fault, {fault.si_unit}", least, most, live=True),
+        Parameter(f"{kind}.{size}", 0.0, f"size of the live fault, {fault.si_unit}", -most, most, live=True),
         Parameter(f"{kind}.rise_s", 60.0, "ramp: time to full size", 0.01, 86400.0, live=True),
         Parameter(f"{kind}.period_s", 60.0, "sine, intermittent: period", 0.01, 86400.0, live=True),
         Parameter(f"{kind}.time_constant_s", 100.0, "drift, random_walk: time constant", 0.01, 86400.0, live=True),
         Parameter(f"{kind}.duty_percent", 50.0, "intermittent: share of the period", 0.0, 100.0, live=True),
-        Parameter(f"{kind}.seed", 0, "random_walk, noise: seed", 0, 2**31 - 1, live=True),
+        Parameter(f"{kind}.seed", 0, "random_walk: seed", 0, 2**31 - 1, live=True),
     )
 
 
@@ -123,7 +123,6 @@ class InjectorNode(LoopNode):
         for topic, value, is_missing in zip(MEASURED, measured, missing, strict=True):
             if not is_missing:
                 self.send(time_ns, topic, value)
-        self.send(time_ns, "component/faults", *components(faults))
         for topic, value in zip(TRUTHS, faults, strict=True):
             self.send(time_ns, topic, value)
         self._measured_ns = time_ns

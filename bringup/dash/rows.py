@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ac_common.faults import ISOLABLE, ISOLABLE_KINDS, UNFILTERED, Fault
+from ac_common.faults import FAULTS, ISOLABLE, ISOLABLE_KINDS, Fault
 from ac_common.fdi_status import StatusRow
 from ac_common.topics import AIR, COMPRESSOR, VALVE, residual_of, truth_of
 from ac_common.units import KPA, RPM
@@ -40,8 +40,7 @@ def threshold_column(fault: Fault) -> str:
     return f"threshold_{fault.residual_symbol}"
 
 
-#: What the page shows: column, the series it is from (a topic, or ``topic:joint``), how much of SI one unit is. Of a
-#: fault without a filter, whose plot it shares with others, that is a per cent of the largest.
+#: What the page shows: column, the series it is from (a topic, or ``topic:joint``), and how much of SI one unit is.
 COLUMNS = (
     ("p_e", "plant/evaporator_pressure", KPA),
     ("p_e_measured", "measured/evaporator_pressure", KPA),
@@ -57,8 +56,7 @@ COLUMNS = (
     ("valve", f"controller/command:{VALVE}", 0.01),
     ("air_flow", f"scenario/air:{AIR}", 0.001),
     ("air_inlet", "scenario/air_inlet_temperature", 1.0),
-    *((fault.symbol, truth_of(fault.kind), fault.si) for fault in ISOLABLE),
-    *((fault.symbol, truth_of(fault.kind), fault.largest_si / 100.0) for fault in UNFILTERED),
+    *((fault.symbol, truth_of(fault.kind), fault.si) for fault in FAULTS),
     *((fault.residual_symbol, residual_of(fault.kind), fault.si) for fault in ISOLABLE),
     *((threshold_column(fault), f"fdi/status:{fault.kind}", fault.si) for fault in ISOLABLE),
 )
