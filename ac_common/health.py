@@ -62,7 +62,7 @@ class HealthPart:
     """Fields that stand in a health report, each under its name, or its items each under a prefix and their names."""
 
     def values(self) -> dict[str, str]:
-        """Return keys and values as they are published; None is left out."""
+        """Return the keys and values as they are published; None is left out."""
         found: dict[str, str] = {}
         for each in fields(self):
             wire: _Wire = each.metadata["wire"]
@@ -347,7 +347,7 @@ class Restart:
         return math.isfinite(self.back_s)
 
     def __str__(self) -> str:
-        """What happened, in words, without the node's name."""
+        """Return what happened, in words, without the node's name."""
         then = f"back in service {self.back_s - self.died_s:.1f} s later" if self.is_back else "not back in service"
         return f"died ({self.reason}) and was started again; {then}"
 

@@ -23,7 +23,7 @@ class LiveOffset:
         self._began_s = math.nan
 
     def value(self, time_s: float) -> float:
-        """Offset at this tick; call it once a tick.
+        """Return the offset at this tick; call it once a tick.
 
         Parameters
         ----------

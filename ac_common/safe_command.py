@@ -20,7 +20,7 @@ SAFE_RATE = (50.0 * RPM, 0.01)
 
 
 def towards(value: Vector, target: Vector, sample_time_s: float, rate: tuple[float, float] = SAFE_RATE) -> Vector:
-    """`value` after one tick on its way to `target` at `rate`."""
+    """Return `value` after one tick on its way to `target` at `rate`."""
     stride = np.array(rate) * sample_time_s
     moved: Vector = value + np.clip(target - value, -stride, stride)
     return moved

@@ -29,18 +29,18 @@ Packer = Callable[[int, Sequence[Any]], bytes]
 
 
 def stamp_ns(data: bytes) -> int:
-    """Stamp of a serialised message (or clock): in all of them it comes first."""
+    """Return the stamp of a serialised message (or clock): in all of them it comes first."""
     seconds, nanoseconds = _STAMP.unpack_from(data, 4)
     return int(seconds) * NANOSECONDS + int(nanoseconds)
 
 
 def restamped(data: bytes, time_ns: int) -> bytes:
-    """The serialised message with another stamp."""
+    """Return the serialised message with another stamp."""
     return data[:4] + _STAMP.pack(*divmod(time_ns, NANOSECONDS)) + data[12:]
 
 
 def stamps_ns(messages: Sequence[bytes]) -> NDArray[np.int64]:
-    """Stamps of many serialised messages."""
+    """Return the stamps of many serialised messages."""
     heads = np.frombuffer(b"".join([data[4:12] for data in messages]), dtype=[("s", "<i4"), ("ns", "<u4")])
     times: NDArray[np.int64] = heads["s"].astype(np.int64) * NANOSECONDS + heads["ns"].astype(np.int64)
     return times
@@ -56,7 +56,7 @@ class _Sink:
         self.data = bytearray(_ENCAPSULATION)
 
     def align(self, size: int) -> int:
-        """Offset of the next value of `size` bytes."""
+        """Return the offset of the next value of `size` bytes."""
         self.data += bytes(-(len(self.data) - 4) % size)
         return len(self.data)
 
@@ -128,7 +128,7 @@ def unpacker(topic: Topic) -> Callable[[bytes], tuple[int, tuple[float, ...]] | 
 
 
 def _template(topic: Topic) -> tuple[bytearray, list[int]]:
-    """A message of `topic` and where its values are."""
+    """Return a message of `topic` and where its values are."""
     sink = _Sink()
     if topic.type == CLOCK:
         sink.data += _STAMP.pack(0, 0)
@@ -182,7 +182,7 @@ class _Source:
         return self.at
 
     def skip(self, size: int) -> int:
-        """Offset of the next `size` bytes, which must be there."""
+        """Return the offset of the next `size` bytes, which must be there."""
         start, self.at = self.at, self.at + size
         if self.at > len(self.data):
             msg = f"a message of {len(self.data)} bytes ends before its content does"
@@ -195,7 +195,7 @@ class _Source:
         return int.from_bytes(self.data[start : start + 4], "little")
 
     def count(self, smallest: int) -> int:
-        """Length of a sequence whose items take at least `smallest` bytes each."""
+        """Return the length of a sequence whose items take at least `smallest` bytes each."""
         count = self.number()
         if count * smallest > len(self.data) - self.at:
             msg = f"a message of {len(self.data)} bytes claims to hold {count} items"
@@ -208,7 +208,7 @@ class _Source:
         return self.data[start : start + length - 1].decode(errors="replace") if length else ""
 
     def doubles(self) -> tuple[int, int]:
-        """Offset of a sequence's first double, and how many there are."""
+        """Return the offset of a sequence's first double, and how many there are."""
         count = self.count(8)
         start = self.align(8) if count else self.at
         return self.skip(8 * count) if count else start, count
@@ -219,7 +219,7 @@ class _Source:
 
 
 def value_offsets(topic: Topic, data: bytes) -> list[int]:
-    """Where the values of `topic` are in a serialised message of it.
+    """Return where the values of `topic` are in a serialised message of it.
 
     Raises
     ------
@@ -249,7 +249,7 @@ def value_offsets(topic: Topic, data: bytes) -> list[int]:
 
 
 def columns(topic: Topic, messages: Sequence[bytes]) -> list[NDArray[np.float64]]:
-    """Values of many messages of one topic, one array for each of its `series`."""
+    """Return the values of many messages of one topic, one array for each of its `series`."""
     if not messages:
         return [np.empty(0) for _ in topic.series]
     first = messages[0]
@@ -275,7 +275,7 @@ class Diagnostic:
 
 
 def read_diagnostics(data: bytes) -> list[Diagnostic]:
-    """Content of a serialised DiagnosticArray.
+    """Return the content of a serialised DiagnosticArray.
 
     Raises
     ------

@@ -34,7 +34,7 @@ def designs_at(
     superheat: SuperheatSensor = "direct",
     controller: str = "tracking",
 ) -> Designs:
-    """Designs of an operating point, "low", "med" or "high", from the cache when they are there.
+    """Return the designs of an operating point, "low", "med" or "high", from the cache when they are there.
 
     `sensors` is 3, or 2 for a detector without the wall thermocouple; `superheat` is how the superheat is measured;
     `controller` is which K0, "tracking" or "paper", with the compensator that belongs to it.
@@ -48,7 +48,7 @@ def designs_at(
 
 
 def designs_of(scenario: Scenario) -> Designs:
-    """Designs that a scenario asks for."""
+    """Return the designs that a scenario asks for."""
     return designs_at(
         scenario.operating_point,
         scenario.sample_time_s,

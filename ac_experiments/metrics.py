@@ -126,7 +126,7 @@ def _metrics(recording: Recording) -> dict[str, float | None]:
 
 
 def _with_numbers(row: dict[str, Any]) -> dict[str, Any]:
-    """What JSON can hold: None in place of nan."""
+    """Return what JSON can hold: None in place of nan."""
     return {key: None if isinstance(value, float) and math.isnan(value) else value for key, value in row.items()}
 
 
@@ -136,7 +136,7 @@ def write_summary(summary: dict[str, Any], path: Path) -> None:
 
 
 def injected_faults(recording: Recording) -> list[InjectedFault]:
-    """Faults that were really injected, in order of onset.
+    """Return the faults that were really injected, in order of onset.
 
     Those of the scenario when they explain the recorded truth; what was injected live besides is read off the truth
     itself: from where it leaves zero until it is back there for longer than the grace time.
@@ -188,7 +188,7 @@ def false_alarms(recording: Recording) -> int:
 
 
 def _scheduled(recording: Recording) -> list[InjectedFault]:
-    """Faults of the scenario whose onset lies within what was recorded."""
+    """Return the faults of the scenario whose onset lies within what was recorded."""
     return [
         InjectedFault(
             kind=fault["kind"],
@@ -204,7 +204,7 @@ def _scheduled(recording: Recording) -> list[InjectedFault]:
 def _read_off(
     kind: str, time_s: NDArray[np.float64], truth: NDArray[np.float64], start: int, stop: int
 ) -> InjectedFault:
-    """Fault between two ticks; its size is the value of largest magnitude."""
+    """Return the fault between two ticks; its size is the value of largest magnitude."""
     values = truth[start:stop]
     return InjectedFault(
         kind=kind,
@@ -215,7 +215,7 @@ def _read_off(
 
 
 def _episodes(time_s: NDArray[np.float64], holds: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Half-open index ranges where `holds`, those closer together than the grace time taken as one."""
+    """Return the half-open index ranges where `holds`, those closer together than the grace time taken as one."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8)))
     ranges: list[tuple[int, int]] = []
     for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
@@ -227,7 +227,7 @@ def _episodes(time_s: NDArray[np.float64], holds: NDArray[np.bool_]) -> list[tup
 
 
 def _fault_summary(recording: Recording, faults: list[InjectedFault], number: int) -> dict[str, Any]:
-    """One entry of ``faults``: what was injected, and what the detector made of it before the next fault came."""
+    """Return one entry of ``faults``: what was injected, and what the detector made of it before the next one."""
     fault = faults[number]
     until_s = faults[number + 1].onset_s if number + 1 < len(faults) else math.inf
     before = [row for row in recording.status if row.time_s < fault.onset_s]
@@ -257,7 +257,7 @@ def _fault_summary(recording: Recording, faults: list[InjectedFault], number: in
 
 
 def _usual_error_kpa(recording: Recording, onset_s: float) -> float:
-    """How far the actual p_e may be from its reference and count as back there."""
+    """Return how far the actual p_e may be from its reference and count as back there."""
     series, time_s = recording.series, recording.time_s
     before = (time_s >= onset_s - WINDOW_S) & (time_s < onset_s)
     error = (series["plant/evaporator_pressure"] - series["reference/evaporator_pressure"])[before] / KPA
@@ -268,7 +268,7 @@ def _usual_error_kpa(recording: Recording, onset_s: float) -> float:
 def _pressure_error(
     recording: Recording, start_s: float, stop_s: float, within_kpa: float
 ) -> tuple[float | None, float | None]:
-    """Peak of the actual p_e off its reference, kPa, and from when on it stays within a band; between two times."""
+    """Return the peak of the actual p_e off its reference, kPa, and from when on it is within a band for good."""
     series, time_s = recording.series, recording.time_s
     inside = (time_s >= start_s) & (time_s < stop_s)
     error_kpa = np.abs(series["plant/evaporator_pressure"] - series["reference/evaporator_pressure"])[inside] / KPA
@@ -306,5 +306,5 @@ def _peak(values: NDArray[np.float64]) -> float:
 
 
 def _number(value: float) -> float | None:
-    """`value`, or None where there is none: JSON knows no NaN."""
+    """Return `value`, or None where there is none: JSON knows no NaN."""
     return value if math.isfinite(value) else None

@@ -80,7 +80,7 @@ def _of_kind(scenario: Scenario, kind: Fault, time_s: NDArray[np.float64]) -> ND
 
 
 def _moves(time_s: NDArray[np.float64], changes: Sequence[Change]) -> NDArray[np.float64]:
-    """Offset over time, (K,): 0, then each change in turn from where the one before left it."""
+    """Return the offset over time, (K,): 0, then each change in turn from where the one before left it."""
     offset = np.zeros_like(time_s)
     start = 0.0
     for change in changes:
@@ -93,7 +93,7 @@ def _moves(time_s: NDArray[np.float64], changes: Sequence[Change]) -> NDArray[np
 
 
 def built_in_scenarios() -> dict[str, Path]:
-    """Names of the built-in scenarios and where they are, in alphabetical order."""
+    """Return the names of the built-in scenarios and where they are, in alphabetical order."""
     return {path.stem: path for path in sorted(BUILT_IN.glob("*.yaml"))}
 
 
@@ -215,7 +215,7 @@ def _validated(content: dict[str, Any], source: str) -> Scenario:
 
 
 def _driven(scenario: Scenario, source: str) -> Scenario:
-    """With the drive cycle, if there is one, as changes of the air flow."""
+    """Return the scenario with the drive cycle, if there is one, as changes of the air flow."""
     if scenario.air.drive_cycle is None:
         return scenario
     try:
@@ -229,7 +229,7 @@ def _driven(scenario: Scenario, source: str) -> Scenario:
 
 
 def _line(problem: Any) -> str:
-    """One pydantic problem as ``key: what was given, what is allowed``."""
+    """Return one pydantic problem as ``key: what was given, what is allowed``."""
     # Where a fault's kind chooses its model, pydantic names it after the fault's number.
     place = problem["loc"]
     if place[:1] == ("faults",) and place[2:3] and place[2] in KINDS:

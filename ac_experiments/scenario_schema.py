@@ -84,7 +84,7 @@ class RamAir(_Part):
     percent_at_top_speed: float = Field(default=10.0, ge=-90.0, le=300.0)
 
     def changes(self) -> list[dict[str, float]]:
-        """The drive as changes of the air mass flow, one for each line of its file in which something changes.
+        """Return the drive as changes of the air mass flow, one for each line of its file in which something changes.
 
         Raises
         ------
@@ -119,7 +119,7 @@ class Air(_Part):
 
 
 def targets_within(part: type[_Part], key: str) -> TargetsWithin:
-    """Limits of the targets of one list of changes, such as `targets_within(References, "superheat_k")`."""
+    """Return the limits of the targets of one list of changes, such as `targets_within(References, "superheat_k")`."""
     limits = (getattr(constraint, "func", None) for constraint in part.model_fields[key].metadata)
     return next(limit for limit in limits if isinstance(limit, TargetsWithin))
 

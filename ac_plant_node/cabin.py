@@ -171,7 +171,7 @@ def cabin_step(
     sun, warmth = cabin.aperture_m2 * around.sun_w_m2, around.people * (cabin.person_sensible_w + cabin.person_latent_w)
 
     def rates(y: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Rates of enthalpy and water of the air, energy of the interior, energy and water that came in."""
+        """Return the rates of enthalpy and water of the air, energy of the interior, energy and water that came in."""
         h, ratio = y[0] / cabin.air_kg, y[1] / cabin.air_kg
         air_c, interior_c = temperature(h, ratio, CP_AIR_J_KGK), y[2] / cabin.interior_j_k
         inner = cabin.interior_w_k * (interior_c - air_c)

@@ -11,6 +11,8 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, Protocol
 
+from ac_common.files import put_whole
+
 #: How often the file is written, and how old it may be to be of use, s.
 PERIOD_S, AGE_S = 0.5, 30.0
 
@@ -97,9 +99,7 @@ class CheckpointFile:
 
     def _write(self, content: str) -> None:
         assert self._file is not None
-        new = self._file.with_name(f"{self._file.name}.new")
         try:
-            new.write_text(content, encoding="utf-8")
-            new.replace(self._file)
+            put_whole(self._file, content)
         except OSError as problem:
             self._failed(f"memory_file: {problem.strerror}")

@@ -82,7 +82,7 @@ class Subscriptions:
         return self._act(messages) if messages else False
 
     def arrived(self) -> list[Arrival]:
-        """All messages that are there."""
+        """Return all messages that are there."""
         messages: list[Arrival] = []
         serialised = True
         for number, handle, type_ in self._sources:
@@ -164,7 +164,7 @@ class LoopInputs:
         return over
 
     def awaited(self) -> list[int]:
-        """Numbers of the subscriptions that are worth waking for: of a tick under way only one that it still lacks.
+        """Return the numbers of the subscriptions that are worth waking for: of a tick under way only one it lacks.
 
         A tick's messages come one by one within a few hundred microseconds. To wake for each costs more than what is
         done with them; the first is wanted at once, as it tells when the tick began.
@@ -173,7 +173,7 @@ class LoopInputs:
         return [numbers[place] for tick_set, numbers in both for place in tick_set.lacking()]
 
     def due_s(self) -> float:
-        """When the next tick is due although something is missing (monotonic clock); never in lockstep."""
+        """Return when the next tick is due although something is missing (monotonic clock); never in lockstep."""
         dues = [due for tick_set in self._clocked if (due := tick_set.due_ns()) is not None]
         return min(dues) / 1e9 if dues else math.inf
 

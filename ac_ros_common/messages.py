@@ -26,7 +26,7 @@ class BadMessage(ValueError):  # noqa: N818  (reads as what it is: a message, an
 
 
 def message_class(type_name: str) -> Any:
-    """Class of a message type such as ``sensor_msgs/msg/Temperature``."""
+    """Return the class of a message type such as ``sensor_msgs/msg/Temperature``."""
     package, _, name = type_name.split("/")
     return getattr(import_module(f"{package}.msg"), name)
 

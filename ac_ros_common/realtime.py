@@ -145,7 +145,7 @@ class Latencies:
         self._counts[min(int(bins), len(self._counts) - 1)] += 1
 
     def quantile_s(self, share: float) -> float:
-        """Duration that `share` of them do not exceed, to a bin; that of 1 is the largest itself; nan for none."""
+        """Return the duration that `share` of them do not exceed, to a bin; of 1 the largest itself; nan for none."""
         total = int(self._counts.sum())
         if total == 0:
             return math.nan

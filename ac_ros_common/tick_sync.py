@@ -58,7 +58,7 @@ class TickSet:
         return (time_ns, *(value for topic_ in self.topics for value in got[topic_.name]))
 
     def lacking(self) -> Collection[int]:
-        """Places among `topics`: of each tick under way the last one that it lacks; all when none is under way."""
+        """Return the places among `topics`: of each tick under way the last that it lacks; all when there is none."""
         return _lacking(self.topics, self._waiting)
 
     def clear(self) -> None:
@@ -91,7 +91,7 @@ class Timeline:
         self.generation = 0  # grows with every new time base
 
     def refuse(self, stamp_ns: int, now_ns: int) -> str:
-        """Why a message with this stamp, arriving now, must not be acted upon; empty when it may be."""
+        """Return why a message with this stamp, arriving now, must not be acted upon; empty when it may be."""
         reason = self._judge(stamp_ns, now_ns)
         if not reason:
             self._refused_since_ns = None
@@ -104,7 +104,7 @@ class Timeline:
         return self._judge(stamp_ns, now_ns)
 
     def arrival_ns(self, stamp_ns: int) -> int:
-        """When the first message of a tick is to be expected, on the monotonic clock."""
+        """Return when the first message of a tick is to be expected, on the monotonic clock."""
         return stamp_ns + (self._offset_ns or 0)
 
     def clear(self) -> None:
@@ -196,12 +196,12 @@ class WallClockSet:
         return None
 
     def due_ns(self) -> int | None:
-        """When the next tick is due; None when nothing is to be expected."""
+        """Return when the next tick is due; None when nothing is to be expected."""
         tick_ns = self._next_ns()
         return None if tick_ns is None else self._timeline.arrival_ns(tick_ns) + self._patience_ns
 
     def overdue(self, now_ns: int) -> tuple[Any, ...] | None:
-        """The arguments for `act` for the newest tick that is due by now; None when there is none, or nothing to do."""
+        """Return the arguments for `act` for the newest tick that is due; None when there is none, or nothing to do."""
         due_ns, tick_ns = self.due_ns(), self._next_ns()
         if due_ns is None or tick_ns is None or now_ns < due_ns:
             return None
@@ -212,7 +212,7 @@ class WallClockSet:
         return self._close(max(come, key=lambda stamp: (len(self._waiting[stamp]), stamp), default=tick_ns))
 
     def lacking(self) -> Collection[int]:
-        """Places among `topics`: of each tick under way the last one that it lacks; all when none is under way."""
+        """Return the places among `topics`: of each tick under way the last that it lacks; all when there is none."""
         return _lacking(self.topics, self._waiting)
 
     def clear(self) -> None:

@@ -11,7 +11,7 @@ _PRIMITIVE = re.compile(r"^(bool|byte|char|float(32|64)|u?int(8|16|32|64)|w?stri
 
 
 def share_folder(package: str) -> Path:
-    """Folder in which an interface package keeps its definitions."""
+    """Return the folder in which an interface package keeps its definitions."""
     own = Path(sys.prefix) / "share" / package
     if own.is_dir():
         return own
@@ -22,7 +22,7 @@ def share_folder(package: str) -> Path:
 
 @cache
 def definition(type_name: str) -> str:
-    """Text of ``pkg/msg/Type`` followed by those of all nested types, in the layout of the encoding ``ros2msg``."""
+    """Return the text of ``pkg/msg/Type`` followed by those of all nested types, as the encoding ``ros2msg`` has it."""
     texts = [_own_text(type_name)]
     seen = [type_name]
     for name in seen:  # grows while it is walked
@@ -36,7 +36,7 @@ def definition(type_name: str) -> str:
 
 @cache
 def type_hash(type_name: str) -> str:
-    """RIHS hash of a message type."""
+    """Return the RIHS hash of a message type."""
     package, kind, short = type_name.split("/")
     described = json.loads((share_folder(package) / kind / f"{short}.json").read_text(encoding="utf-8"))
     hashes: dict[str, str] = {entry["type_name"]: entry["hash_string"] for entry in described["type_hashes"]}

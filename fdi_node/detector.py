@@ -220,7 +220,7 @@ class FaultDetector:
         self._filter[:] = 0.0
 
     def _now(self, measured: Signal, air_inlet_temperature_c: float, command: Signal) -> Vector:
-        """The observer's inputs, in deviations."""
+        """Return the observer's inputs, in deviations."""
         actual = np.concatenate([command, [air_inlet_temperature_c], measured])
         now: Vector = actual - np.concatenate([self.design.input_rest, self.design.output_rest])
         return now

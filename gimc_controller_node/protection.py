@@ -132,7 +132,7 @@ def protect(
     limits: ProtectionLimits,
     sample_time_s: float,
 ) -> Protection:
-    """One tick.
+    """Return the caps after one tick.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def protect(
 
 
 def _moved(cap: Cap, above: float, command: float, guard: Guard, limits: ProtectionLimits, sample_time_s: float) -> Cap:
-    """One tick of one cap; `above` is by how much what it protects is above its lowest value."""
+    """Return a cap after one tick; `above` is by how much what it protects is above its lowest value."""
     stride = guard.rate * sample_time_s
     low_s = cap.low_s + sample_time_s if above < 0.0 else 0.0
     value = cap.value

@@ -235,7 +235,7 @@ def _status(data: bytes, first: int) -> StatusRow | None:
 
 
 def _timing(health: dict[str, str]) -> dict[str, Any]:
-    """What the plant's last health report says of the wall clock; nothing where it does not say it."""
+    """Return what the plant's last health report says of the wall clock; nothing where it does not say it."""
     said = PlantReport.read(health)
     if said.missed_ticks is None or not math.isfinite(said.wall_seconds):
         return {}

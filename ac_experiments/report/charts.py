@@ -143,7 +143,7 @@ def _needed(values: NDArray[np.float64], step: bool) -> NDArray[np.bool_]:
 
 
 def spaced(low: float, high: float, least: float) -> tuple[float, float]:
-    """Range of an axis that shows [low, high] with a margin, and never so narrow that rounding noise fills it."""
+    """Return the range of an axis that shows [low, high] with a margin, but never filled by rounding noise."""
     if high - low < least:
         middle = 0.5 * (low + high)
         low, high = middle - 0.5 * least, middle + 0.5 * least

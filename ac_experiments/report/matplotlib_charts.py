@@ -54,7 +54,7 @@ _STYLE = {
 
 
 def draw(charts: Sequence[Chart], columns: int = 2, title: str = "", size_in: Size = SIZE_IN) -> str:
-    """SVG text of `charts`, row by row in `columns`.
+    """Return the SVG text of `charts`, row by row in `columns`.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def _svg(drawn: "Figure", title: str) -> str:
 
 
 def mathtext(text: str) -> str:
-    """Subscripts as matplotlib wants them."""
+    """Return the subscripts as matplotlib wants them."""
     return re.sub(r"<sub>(.*?)</sub>", r"$_{\\mathrm{\1}}$", text.replace("$", r"\$"))
 
 

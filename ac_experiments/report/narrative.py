@@ -85,7 +85,7 @@ def _diagnosis(fault: Mapping[str, Any]) -> Sentence:
 
 
 def _effect(fault: Mapping[str, Any], passive: bool, beside: Mapping[str, Any] | None) -> Sentence:
-    """What it did to the actual evaporator pressure, beside what it does with the other kind of control."""
+    """Return what it did to the actual evaporator pressure, beside what it does with the other kind of control."""
     if fault["peak_pressure_error_kpa"] is None:
         return Sentence(PLAIN, "What it did to the evaporator pressure was not recorded.")
     text = f"The actual evaporator pressure {_course(fault)}."

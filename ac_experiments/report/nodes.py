@@ -62,7 +62,7 @@ class Event:
 
 
 def reports_of(raw: RawBag) -> list[Report]:
-    """All health reports of a bag in order of time; what is no report is passed over."""
+    """Return all health reports of a bag in order of time; what is no report is passed over."""
     beats, first_ns = raw.messages.get(_BEAT, []), first_stamp_ns(raw)
     begun = (log_ns for log_ns, data in beats if len(data) >= SHORTEST_MESSAGE and stamp_ns(data) >= first_ns)
     start_ns = next(begun, min((log_ns for log_ns, _ in raw.messages.get("/diagnostics", [])), default=0))
@@ -80,12 +80,12 @@ def reports_of(raw: RawBag) -> list[Report]:
 
 
 def first_tick_s(raw: RawBag) -> float:
-    """Stamp of the run's first tick, s: what nodes that tell a tick's own time count from."""
+    """Return the stamp of the run's first tick, s: what nodes that tell a tick's own time count from."""
     return first_stamp_ns(raw) / NANOSECONDS
 
 
 def events_of(reports: Sequence[Report], first_tick_s: float = 0.0) -> list[Event]:
-    """What the nodes reported beyond business as usual, in order of time.
+    """Return what the nodes reported beyond business as usual, in order of time.
 
     A change of what a node does (``announced``, in one report or more, or a message that is no state of the life
     cycle), a counter of something that should not be, that grew; inputs that were refused, by reason where the node
@@ -118,7 +118,7 @@ def events_of(reports: Sequence[Report], first_tick_s: float = 0.0) -> list[Even
 
 
 def health_charts(reports: Sequence[Report]) -> list[Chart]:
-    """Timing over the run: how long each node took from its inputs to its outputs, and how fast the loop ran."""
+    """Return the timing over the run: how long each node took from inputs to outputs, and how fast the loop ran."""
     nodes = [node for node in reversed(_LOOKS) if any(report.node == node for report in reports)]
     described = (
         (_typical_ms, "From a node's inputs to its outputs, typical", "median, ms", ""),

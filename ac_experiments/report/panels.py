@@ -72,7 +72,7 @@ def charts_of(
     keys: Sequence[str] = (),
     window_s: tuple[float, float] | None = None,
 ) -> list[Chart]:
-    """Plots of a run.
+    """Return the plots of a run.
 
     Parameters
     ----------
@@ -226,7 +226,7 @@ def around(fault_onset_s: float) -> tuple[float, float]:
 
 
 def marks_of(recording: Recording) -> list[Mark]:
-    """Instants that every plot marks: a fault's onset and end, detection, isolation, and when p_e is back for good."""
+    """Return the instants that every plot marks: onset, end, detection, isolation, and when p_e is back."""
     acts = "" if recording.metadata["passive"] else ", its Q takes over"
     marks = []
     for fault in fault_summaries(recording):
@@ -277,7 +277,7 @@ def _curves(
     beside: Recording | None,
     other_ticks: NDArray[np.int_] | None,
 ) -> list[Curve]:
-    """Lines of a panel; the run beside lies underneath, thresholds on top."""
+    """Return the lines of a panel; the run beside lies underneath, thresholds on top."""
 
     def curve(run: Recording, line: Line, at: NDArray[np.int_]) -> Curve:
         values = run.series[line.key][at] / panel.per_unit
@@ -305,7 +305,7 @@ def _thresholds(recording: Recording, panel: Panel) -> list[Curve]:
 
 
 def _decisions(panel: Panel, recording: Recording, start_s: float, stop_s: float) -> list[Points]:
-    """Detection and isolation as points on the residual that they are about."""
+    """Return the detection and isolation as points on the residual that they are about."""
     if panel.fault is None:
         return []
     detections, isolations = instants(recording)
@@ -323,7 +323,7 @@ def _decisions(panel: Panel, recording: Recording, start_s: float, stop_s: float
 
 
 def _ticks(run: Recording, start_s: float, stop_s: float, lines: Sequence[Line]) -> NDArray[np.int_]:
-    """Ticks of a run that plots of these lines from `start_s` to `stop_s` need."""
+    """Return the ticks of a run that plots of these lines from `start_s` to `stop_s` need."""
     inside = np.flatnonzero((run.time_s >= start_s) & (run.time_s <= stop_s))
     signals = [(run.series[line.key][inside], line.step) for line in lines]
     return inside[kept_ticks(run.time_s[inside], signals)] if len(inside) else inside
@@ -336,7 +336,7 @@ def _range(
     beside: Recording | None,
     other_ticks: NDArray[np.int_] | None,
 ) -> tuple[float, float] | None:
-    """Range of a panel's axis over what is shown, in its unit; None when there is nothing to show."""
+    """Return the range of a panel's axis over what is shown, in its unit; None when there is nothing to show."""
     lines = [recording.series[line.key][ticks] for line in panel.own]
     if beside is not None and other_ticks is not None:
         lines += [beside.series[line.key][other_ticks] for line in panel.beside]

@@ -17,7 +17,7 @@ _SYMBOLS = {"triangle": ("triangle-up-open", 14), "diamond": ("diamond", 10)}
 
 
 def figure(charts: Sequence[Chart], columns: int = 2) -> Any:
-    """All `charts` in one figure, row by row in `columns`; those in a column zoom along x together.
+    """Return all `charts` in one figure, row by row in `columns`; those in a column zoom along x together.
 
     Returns
     -------
@@ -124,7 +124,7 @@ def _line(curve: Curve, axis: str, rank: int) -> Any:
 
 
 def _abscissa(x: NDArray[np.float64]) -> dict[str, Any]:
-    """X by start and step where it is evenly spaced, a third of the size; else in full."""
+    """Return the x by start and step where it is evenly spaced, a third of the size; else in full."""
     steps = np.diff(x)
     if len(x) > 2 and np.allclose(steps, steps[0], rtol=0.0, atol=1e-6):
         return {"x0": float(x[0]), "dx": float(steps[0])}

@@ -259,12 +259,14 @@ def condenser_at(
 
 
 @jit
-def next_pressure(p: float, residual: float, slope: float, low: float, high: float) -> float:
-    """Newton's next pressure, or the middle of the bracket when the step leaves it."""
+def next_pressure(p: float, residual: float, slope: float, low: float, high: float) -> tuple[float, float, float]:
+    """Return Newton's next pressure, or the middle of the bracket when the step leaves it, and the narrower bracket."""
+    if residual > 0.0:
+        high = p
+    else:
+        low = p
     trial = p - residual / slope if slope > 0.0 else -1.0
-    if low < trial < high:
-        return trial
-    return 0.5 * (low + high)
+    return trial if low < trial < high else 0.5 * (low + high), low, high
 
 
 @jit
@@ -278,11 +280,8 @@ def solve_evaporator(
     for _ in range(60):
         if abs(zones.residual) <= _PRESSURE_TOLERANCE * abs(zones.slope) * zones.p:
             return zones, 0
-        if zones.residual > 0.0:
-            high = zones.p
-        else:
-            low = zones.p
-        zones = evaporator_at(next_pressure(zones.p, zones.residual, zones.slope, low, high), rho, e, h_e2, h_4, tab)
+        p, low, high = next_pressure(zones.p, zones.residual, zones.slope, low, high)
+        zones = evaporator_at(p, rho, e, h_e2, h_4, tab)
         if high - low <= 4.0e-16 * zones.p:
             break
     return zones, 0 if high - low <= 4.0e-16 * zones.p and p_low * 1.0001 < zones.p < p_high * 0.9999 else 1
@@ -299,11 +298,7 @@ def solve_condenser(
     for _ in range(60):
         if abs(zones.residual) <= _PRESSURE_TOLERANCE * abs(zones.slope) * zones.p:
             return zones, 0
-        if zones.residual > 0.0:
-            high = zones.p
-        else:
-            low = zones.p
-        p = next_pressure(zones.p, zones.residual, zones.slope, low, high)
+        p, low, high = next_pressure(zones.p, zones.residual, zones.slope, low, high)
         zones = condenser_at(p, rho, e, zeta_1, h_c3, s_1, h_1in, eta_s, tab)
         if high - low <= 4.0e-16 * zones.p:
             break

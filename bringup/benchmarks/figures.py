@@ -231,7 +231,7 @@ def _bare_chain(ticks: int, period_s: float, domain: int) -> dict[str, float]:
 
 
 def _line(process: "subprocess.Popen[str]", patience_s: float) -> str:
-    """Return the one line that a process says next; nothing when it has ended, or takes longer."""
+    """Return one line that a process says next; nothing when it has ended, or takes longer."""
     assert process.stdout is not None
     says, _, _ = select.select([process.stdout], [], [], patience_s)
     return process.stdout.readline().strip() if says else ""

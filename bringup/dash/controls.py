@@ -224,7 +224,7 @@ class RunControl:
 
 
 def _complaint(spinner: Spinner) -> str:
-    """What is wrong with a number, empty when nothing is: the browser lets through what is out of range."""
+    """Return what is wrong with a number, empty when nothing is: the browser lets through what is out of range."""
     low, value, high = spinner.low, spinner.value, spinner.high
     assert low is not None
     assert high is not None

@@ -1,11 +1,10 @@
 """The page: plots, lamps, controls, for each browser that opens it; the graph's state is the same for all."""
 
-import html
 import math
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from bokeh.document import Document
 from bokeh.models import ColumnDataSource, CustomJS
@@ -64,6 +63,10 @@ _TEXT = """
 """
 
 
+_FOLDER = FileSystemLoader(Path(__file__).parent)
+_FRAGMENTS: Any = Environment(loader=_FOLDER, autoescape=True).get_template("fragments.html").module
+
+
 def make_page(link: Link, problem: Callable[[], str]) -> Callable[[Document], None]:
     """Make the function that fills a browser's document.
 
@@ -74,7 +77,7 @@ def make_page(link: Link, problem: Callable[[], str]) -> Callable[[Document], No
     problem : callable
         What is wrong with a graph of our own, empty when nothing is.
     """
-    template = Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=False).get_template("page.html")
+    template = Environment(loader=_FOLDER, autoescape=False).get_template("page.html")
 
     def fill(document: Document) -> None:
         document.title = "acftc live"
@@ -186,7 +189,7 @@ class _Page:
 
 
 def rest_corners(point: str) -> Any:
-    """Corners of the cycle at rest at an operating point."""
+    """Return the corners of the cycle at rest at an operating point."""
     from ac_plant_node.rest import rest_at
 
     rest = rest_at(point)
@@ -194,8 +197,17 @@ def rest_corners(point: str) -> Any:
     return corners(p_e, superheat, p_c, subcooled_enthalpy(p_c, float(rest["state"][8])))
 
 
+class Lamp(NamedTuple):
+    """A lamp of the page: its name, whether it is lit, which colour it then has, and its words."""
+
+    name: str
+    on: bool
+    kind: str
+    words: str
+
+
 def lamps(view: View, problem: str) -> str:
-    """What is lit: the graph's phase, detection, isolation, accommodation; sign and words say what the colour says."""
+    """Return what is lit: the graph's phase, detection, isolation, accommodation; words say what the colour says."""
     phases = {
         "running": ("good", "running"),
         "paused": ("wait", "paused"),
@@ -208,28 +220,24 @@ def lamps(view: View, problem: str) -> str:
         kind, word = "warn", f"restarting {', '.join(view.restarting)}"
     if problem:
         kind, word = "bad", "a node has failed"
-    parts = [_lamp("phase", True, kind, word)]
+    parts = [Lamp("phase", True, kind, word)]
     status = view.status if view.phase in ("running", "paused", "over") else None
     detected = status is not None and status.detected
-    parts.append(_lamp("detected", detected, "warn", "fault detected" if detected else "no fault detected"))
+    parts.append(Lamp("detected", detected, "warn", "fault detected" if detected else "no fault detected"))
     isolated = {status.isolated, status.also_isolated} if status is not None else set()
     for fault in ISOLABLE:
         words = f"{fault.symbol} {fault.name}"
         if status is not None and status.isolated == fault.kind:
             words += f": {in_unit(fault.kind, status.size):+.1f} {fault.unit}"
-        parts.append(_lamp(f"isolated_{fault.symbol}", fault.kind in isolated, "bad", words))
-    parts.append(_lamp("isolated_unknown", UNKNOWN in isolated, "bad", "another fault"))
+        parts.append(Lamp(f"isolated_{fault.symbol}", fault.kind in isolated, "bad", words))
+    parts.append(Lamp("isolated_unknown", UNKNOWN in isolated, "bad", "another fault"))
     words = "accommodation on" if view.accommodate else "accommodation off"
-    parts.append(_lamp("accommodating", view.accommodate, "good", words))
-    return f'<div class="lamps" role="status">{"".join(parts)}</div>'
-
-
-def _lamp(name: str, on: bool, kind: str, words: str) -> str:
-    return f'<span class="lamp {kind}{" on" if on else ""}" data-lamp="{name}">{html.escape(words)}</span>'
+    parts.append(Lamp("accommodating", view.accommodate, "good", words))
+    return str(_FRAGMENTS.lamps(parts))
 
 
 def readouts(newest: Mapping[str, float], view: View) -> str:
-    """Figures of this moment, with their units."""
+    """Return the figures of this moment, with their units."""
     said = PlantReport.read(view.plant)
     cooling = (math.nan if said.cooling_power_w is None else said.cooling_power_w) / 1e3
     figures = (
@@ -244,17 +252,16 @@ def readouts(newest: Mapping[str, float], view: View) -> str:
         ("cooling", f"{cooling:.2f} kW"),
         ("missed ticks", "–" if said.missed_ticks is None else str(said.missed_ticks)),
     )
-    parts = [f"<div><span>{name}</span><b>{figure.replace('nan', '–')}</b></div>" for name, figure in figures]
-    return f'<div class="readouts">{"".join(parts)}</div>'
+    return str(_FRAGMENTS.readouts([(name, figure.replace("nan", "–")) for name, figure in figures]))
 
 
 def said(view: View, problem: str) -> str:
-    """The line of what has come of the last control."""
+    """Return the line of what has come of the last control."""
     failed = bool(problem) or view.failed
     words = problem or view.message
     if not words and view.recorded:
         words = "A recorded run keeps its operating point: no reset."
-    return f'<div class="said{" failed" if failed else ""}" role="status">{html.escape(words)}</div>'
+    return str(_FRAGMENTS.said(words, failed))
 
 
 def _set_text(div: Div, text: str) -> None:

@@ -112,7 +112,7 @@ _DASHES = {"solid": "", "dashed": "6 4", "dotdash": "2 4 6 4"}
 
 
 def keys() -> tuple[Key, ...]:
-    """Keys of all plots, for the page to write above them: the same for as long as the page is there."""
+    """Return the keys of all plots, for the page to write above them: the same for as long as the page is there."""
     times = [
         Key(
             plot.name,
@@ -153,12 +153,12 @@ def _time_plot(plot: TimePlot, source: ColumnDataSource, time: DataRange1d, cros
 
 
 def cycle_source() -> ColumnDataSource:
-    """Source of the cycle's line, and of its corners."""
+    """Return the source of the cycle's line, and of its corners."""
     return ColumnDataSource({"h": [], "p": [], "corner": []})
 
 
 def cycle_columns(at: Corners) -> dict[str, list[Any]]:
-    """Content of `cycle_source`: the corners, closed."""
+    """Return the content of `cycle_source`: the corners, closed."""
     h, p = (at.enthalpy_j_kg * KILO).tolist(), (at.pressure_pa / KPA).tolist()
     return {"h": [*h, h[0]], "p": [*p, p[0]], "corner": ["1", "2", "3", "4", ""]}
 
@@ -190,12 +190,12 @@ def cycle_plot(live: ColumnDataSource, rest: ColumnDataSource) -> figure:
 
 
 def zone_source() -> ColumnDataSource:
-    """Source of the zones' bars."""
+    """Return the source of the zones' bars."""
     return ColumnDataSource({key: [] for key in ("side", "left", "right", "zone", "colour")})
 
 
 def zone_columns(state: Mapping[str, float]) -> dict[str, list[Any]]:
-    """Content of `zone_source` from the paper's state; in the order in which the refrigerant flows."""
+    """Return the content of `zone_source` from the paper's state; in the order in which the refrigerant flows."""
     colours = dict(ZONES)
     z_e, z_1, z_2 = state["zeta_e1"], state["zeta_c1"], state["zeta_c2"]
     bars = [

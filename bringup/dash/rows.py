@@ -76,7 +76,7 @@ def threshold_values(status: StatusRow) -> dict[str, float]:
 
 
 def columns_of(rows: list[Row]) -> dict[str, Any]:
-    """Rows as one array a column, as a plot wants them; the thresholds on both sides of zero."""
+    """Return the rows as one array a column, as a plot wants them; the thresholds on both sides of zero."""
     table = np.array(rows, dtype=np.float64).reshape(len(rows), len(NAMES))
     columns = {name: table[:, i] for i, name in enumerate(NAMES)}
     for name in map(threshold_column, ISOLABLE):
@@ -122,7 +122,7 @@ class Rows:
                 self._close(min(self._waiting))
 
     def since(self, generation: int, count: int) -> tuple[int, int, list[Row]]:
-        """Rows that a reader has not seen yet.
+        """Return the rows that a reader has not seen yet.
 
         Parameters
         ----------

@@ -179,9 +179,7 @@ def _how_to_start(name: str, arguments: list[str], domain: int) -> str:
 def _prepare(out_dir: Path) -> None:
     """Make the folders; a bag and logs of an earlier run make room, and nothing else that is there."""
     logs = [
-        f"{name}{end}"
-        for name in PROCESSES
-        for end in (".log", ".yaml", ".changed.yaml", ".npz", "-*.npz", ".memory", ".memory.new")
+        f"{name}{end}" for name in PROCESSES for end in (".log", ".yaml", ".changed.yaml", ".npz", "-*.npz", ".memory")
     ]
     try:
         for part, patterns in (("bag", ["*.mcap", "metadata.yaml"]), ("log", logs)):

@@ -115,7 +115,7 @@ class RecorderNode(LoopNode):
                 self._finished_s = time.monotonic() if said.finished else None
 
     def missing(self) -> str:
-        """Which messages of the run are not in the bag: empty when every one is."""
+        """Return which messages of the run are not in the bag: empty when every one is."""
         if self._bag is None or not self._ticks:
             return ""
         wanted = [*range(self._loop_topics), *([self._health_topic + 1] if self._lockstep else [])]
