@@ -17,6 +17,7 @@ import pytest
 
 import bringup.commands
 from bringup.cli import cli
+from tests.said import complaints
 
 
 def acftc(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
@@ -26,7 +27,7 @@ def acftc(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProce
 
 def assert_one_line(result: subprocess.CompletedProcess[str], code: int, *words: str) -> None:
     assert result.returncode == code, result.stderr
-    assert result.stderr.count("\n") == 1, result.stderr
+    assert len(complaints(result.stderr)) == 1, result.stderr
     assert "Traceback" not in result.stderr
     assert "\x1b" not in result.stderr + result.stdout  # no colours into a pipe
     for word in words:

@@ -15,6 +15,7 @@ from ac_common.errors import RunError
 from ac_common.files import write_whole
 from ac_experiments.bags.reader import read_bag
 from bringup.launch.shared_memory import sweep
+from tests.said import complaints
 
 
 def on_a_full_disk(*arguments: str, size_kib: int, out: Path) -> subprocess.CompletedProcess[str]:
@@ -34,7 +35,7 @@ def on_a_full_disk(*arguments: str, size_kib: int, out: Path) -> subprocess.Comp
 
 def assert_one_line(result: subprocess.CompletedProcess[str], code: int, *words: str) -> None:
     assert result.returncode == code, result.stderr
-    assert result.stderr.count("\n") == 1, result.stderr
+    assert len(complaints(result.stderr)) == 1, result.stderr
     assert all(word in result.stderr for word in words), result.stderr
 
 

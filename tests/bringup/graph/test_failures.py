@@ -21,6 +21,7 @@ from bringup.launch.launch import _prepare, run_graph
 from bringup.launch.processes import Domain, ros_environment, start, stop
 from bringup.launch.user_nodes import user_nodes
 from tests.processes import processes_that_mention
+from tests.said import complaints
 
 pytestmark = pytest.mark.ros
 
@@ -61,7 +62,7 @@ def test_interrupted_run_leaves_a_good_bag_and_no_process(tmp_path: Path) -> Non
     process.send_signal(signal.SIGINT)
     _, said = process.communicate(timeout=20)
     assert process.returncode != 0
-    assert said.strip().count("\n") == 0
+    assert len(complaints(said)) == 1
     assert "interrupted" in said
     assert not processes_that_mention(str(tmp_path))
     assert len(read_bag(tmp_path).time_s) > 50
@@ -235,7 +236,7 @@ def test_full_disk_is_the_recorders_clear_line(tmp_path: Path) -> None:
     assert process.returncode != 0
     assert "node recorder died" in process.stderr
     assert "File too large" in process.stderr
-    assert process.stderr.strip().count("\n") == 0
+    assert len(complaints(process.stderr)) == 1
     assert not processes_that_mention(str(tmp_path))
     assert len(read_bag(tmp_path).time_s) > 50
 
