@@ -190,7 +190,7 @@ class PlantReport(HealthPart):
     late_wakeups : ticks that began late.
     command_latency_p50_ms, command_latency_p99_ms, command_latency_max_ms : from measurement to command.
     internal_state : the model's states by name, SI; only of our own plant, and
-    cooling_power_w : likewise.
+    performance : the fields of `ac_common.signals.Performance`, likewise.
     """
 
     tick: int | None = _count()
@@ -206,7 +206,7 @@ class PlantReport(HealthPart):
     command_latency_p99_ms: float = _number(".3f")
     command_latency_max_ms: float = _number(".3f")
     internal_state: Mapping[str, float] = _mapping("state/", lambda value: format(value, ".6g"), _finite)
-    cooling_power_w: float | None = _number(".6g", None)
+    performance: Mapping[str, float] = _mapping("performance/", lambda value: format(value, ".6g"), _finite)
 
     @property
     def command_latency_ms(self) -> tuple[float, float, float]:

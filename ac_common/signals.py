@@ -4,11 +4,12 @@ The names of the fields are the last parts of the topics that carry them: ``Meas
 ``measured/superheat``. All values are SI; temperatures of air and wall are in degC.
 """
 
+import math
 from typing import NamedTuple
 
 
 class Measurement(NamedTuple):
-    """Readings of the sensors at one tick: ``measured/...``."""
+    """Readings of the sensors at one tick: ``measured/...``; the designs use those that have an `Innovation`."""
 
     evaporator_pressure: float
     """Pa"""
@@ -16,10 +17,12 @@ class Measurement(NamedTuple):
     """K"""
     wall_temperature: float
     """degC"""
+    condenser_pressure: float = math.nan
+    """Pa"""
 
 
 class PlantOutput(NamedTuple):
-    """The same as they are, and what is not measured: ``plant/...``."""
+    """The same as they are: ``plant/...``."""
 
     evaporator_pressure: float
     """Pa"""
@@ -29,6 +32,23 @@ class PlantOutput(NamedTuple):
     """degC"""
     condenser_pressure: float
     """Pa"""
+
+
+class Performance(NamedTuple):
+    """What the plant makes of it, for evaluation only: its series are `ac_common.topics.PERFORMANCE_SERIES`."""
+
+    cooling: float
+    """all the heat that the air gives to the evaporator, W"""
+    latent_cooling: float
+    """the part of it that water brings which condenses, W"""
+    condensed_water: float
+    """kg/s"""
+    compressor_power: float
+    """W"""
+    vent_temperature: float
+    """of the air behind the evaporator, degC"""
+    subcooling: float
+    """K"""
 
 
 class Innovation(NamedTuple):
@@ -61,12 +81,18 @@ class Reference(NamedTuple):
 
 
 class AirSide(NamedTuple):
-    """Air at the evaporator's inlet: ``scenario/air`` and ``scenario/air_inlet_temperature``."""
+    """Air at the inlets of both heat exchangers, on the topics `ac_common.topics.AIR_SIDE`; inputs of the plant."""
 
     mass_flow: float
-    """kg/s"""
+    """through the evaporator, kg/s"""
     inlet_temperature: float
     """degC"""
+    condenser_mass_flow: float
+    """kg/s"""
+    condenser_inlet_temperature: float
+    """degC"""
+    humidity: float
+    """relative, at the evaporator's inlet, 0..1"""
 
 
 Signal = Measurement | PlantOutput | Innovation | Command | Reference | AirSide

@@ -5,13 +5,16 @@ start fast. How to add a topic: `docs/how-to/new-topic.md`.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from ac_common.faults import BY_KIND, FAULTS, ISOLABLE, Fault, Place
+from ac_common.signals import Performance
 
 NAMESPACE = "/ac"
 
 PRESSURE = "sensor_msgs/msg/FluidPressure"
 TEMPERATURE = "sensor_msgs/msg/Temperature"
+HUMIDITY = "sensor_msgs/msg/RelativeHumidity"
 JOINTS = "sensor_msgs/msg/JointState"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 CLOCK = "rosgraph_msgs/msg/Clock"
@@ -19,12 +22,32 @@ CLOCK = "rosgraph_msgs/msg/Clock"
 COMPRESSOR = "compressor"
 VALVE = "expansion_valve"
 AIR = "evaporator_air"
+CONDENSER_AIR = "condenser_air"
 
-#: The field of a JointState in which a joint's value travels: speeds and flows are velocities, openings positions.
-JOINT_FIELD = {COMPRESSOR: "velocity", VALVE: "position", AIR: "velocity"}
+#: The field of a JointState in which a joint's value travels: speeds and flows are velocities, openings positions, heat
+#: flows and powers efforts.
+JOINT_FIELD = {
+    COMPRESSOR: "velocity",
+    VALVE: "position",
+    AIR: "velocity",
+    CONDENSER_AIR: "velocity",
+    "cooling": "effort",
+    "latent_cooling": "effort",
+    "condensed_water": "velocity",
+    "compressor_power": "effort",
+}
 
 #: Unit of a joint's value.
-JOINT_UNIT = {COMPRESSOR: "rad/s", VALVE: "0..1", AIR: "kg/s"}
+JOINT_UNIT = {
+    COMPRESSOR: "rad/s",
+    VALVE: "0..1",
+    AIR: "kg/s",
+    CONDENSER_AIR: "kg/s",
+    "cooling": "W",
+    "latent_cooling": "W",
+    "condensed_water": "kg/s",
+    "compressor_power": "W",
+}
 
 # Names of the nodes, as in `ros2 node list`.
 PLANT, INJECTOR, FDI, COMPENSATOR, CONTROLLER = "ac_plant", "fault_injector", "fdi", "compensator", "gimc_controller"
@@ -33,11 +56,33 @@ BRINGUP = "bringup"
 PAGE = "dash"
 
 
-#: What the value of a joint can be [rad/s, 0..1, kg/s]: the compressor's 6000 rpm and a fault on top.
-JOINT_SPAN = {COMPRESSOR: (0.0, 750.0), VALVE: (0.0, 1.0), AIR: (0.0, 5.0)}
-#: What a pressure [Pa] and a temperature [degC, or K for a difference] of this loop can be at all.
-PRESSURE_SPAN = (1.0e3, 5.0e6)
-TEMPERATURE_SPAN = (-150.0, 200.0)
+#: What the value of a joint can be, in its unit: the compressor's 6000 rpm and a fault on top.
+JOINT_SPAN = {
+    COMPRESSOR: (0.0, 750.0),
+    VALVE: (0.0, 1.0),
+    AIR: (0.0, 5.0),
+    CONDENSER_AIR: (0.0, 5.0),
+    "cooling": (-5.0e4, 5.0e4),
+    "latent_cooling": (-5.0e4, 5.0e4),
+    "condensed_water": (0.0, 5.0),
+    "compressor_power": (-5.0e4, 5.0e4),
+}
+
+
+class Scalar(NamedTuple):
+    """A type of message that holds one value: its field, its unit, and what such a value of this loop can be at all."""
+
+    field: str
+    unit: str
+    span: tuple[float, float]
+
+
+#: All alike on the wire: header, value, variance. A temperature that is a difference is in K.
+SCALARS = {
+    PRESSURE: Scalar("fluid_pressure", "Pa", (1.0e3, 5.0e6)),
+    TEMPERATURE: Scalar("temperature", "°C", (-150.0, 200.0)),
+    HUMIDITY: Scalar("relative_humidity", "0..1", (0.0, 1.0)),
+}
 
 
 @dataclass(frozen=True)
@@ -77,14 +122,16 @@ class Topic:
         """Unit of its values, with the joints they belong to where there are several."""
         if self.type == JOINTS:
             named = [f"{joint} {JOINT_UNIT[joint]}" for joint in self.joints]
-            return JOINT_UNIT[AIR] if self.joints == (AIR,) else ", ".join(named)
-        return {PRESSURE: "Pa", TEMPERATURE: "K" if self.in_kelvin else "°C"}.get(self.type, "see below")
+            return JOINT_UNIT[self.joints[0]] if self.joints in ((AIR,), (CONDENSER_AIR,)) else ", ".join(named)
+        if self.in_kelvin:
+            return "K"
+        return SCALARS[self.type].unit if self.type in SCALARS else "see below"
 
     @property
     def spans(self) -> tuple[tuple[float, float], ...]:
         """Least and largest value that can be meant, for each of `series`: others are in another unit, or garbage."""
-        scalar = {PRESSURE: (PRESSURE_SPAN,), TEMPERATURE: (TEMPERATURE_SPAN,)}
-        spans = scalar.get(self.type, tuple(JOINT_SPAN[joint] for joint in self.joints))
+        one = (SCALARS[self.type].span,) if self.type in SCALARS else ()
+        spans = one or tuple(JOINT_SPAN[joint] for joint in self.joints)
         return tuple((-high, high) for _, high in spans) if self.is_difference else spans
 
     @property
@@ -92,7 +139,7 @@ class Topic:
         """Keys of this topic in a `Recording`: the topic itself, or one key for each joint."""
         if self.type == JOINTS:
             return tuple(f"{self.name}:{joint}" for joint in self.joints)
-        return (self.name,) if self.type in (PRESSURE, TEMPERATURE) else ()
+        return (self.name,) if self.type in SCALARS else ()
 
 
 _ACTUATORS = (COMPRESSOR, VALVE)
@@ -131,7 +178,7 @@ TOPICS: tuple[Topic, ...] = (
         (INJECTOR,),
         frame="evaporator",
     ),
-    Topic("plant/condenser_pressure", PRESSURE, "p_c, actual", PLANT, frame="condenser"),
+    Topic("plant/condenser_pressure", PRESSURE, "p_c, actual", PLANT, (INJECTOR,), frame="condenser"),
     Topic(
         "plant/air_inlet_temperature",
         TEMPERATURE,
@@ -139,6 +186,35 @@ TOPICS: tuple[Topic, ...] = (
         PLANT,
         (FDI,),
         frame="evaporator_air",
+    ),
+    Topic(
+        "plant/condenser_air_inlet_temperature",
+        TEMPERATURE,
+        "air into the condenser, a measured disturbance that the linear designs do not use",
+        PLANT,
+        frame="condenser_air",
+    ),
+    Topic(
+        "plant/performance",
+        JOINTS,
+        "heat from the air, the part of it from condensing water, that water, compressor power: for evaluation only",
+        PLANT,
+        joints=Performance._fields[:4],
+    ),
+    Topic(
+        "plant/vent_temperature",
+        TEMPERATURE,
+        "air behind the evaporator: for evaluation only",
+        PLANT,
+        frame="evaporator_air",
+    ),
+    Topic(
+        "plant/subcooling",
+        TEMPERATURE,
+        "subcooling at the condenser's outlet, a difference: for evaluation only",
+        PLANT,
+        frame="condenser",
+        in_kelvin=True,
     ),
     Topic(
         "measured/evaporator_pressure",
@@ -159,6 +235,13 @@ TOPICS: tuple[Topic, ...] = (
     ),
     Topic("measured/wall_temperature", TEMPERATURE, "T_w with noise", INJECTOR, (FDI,), frame="evaporator"),
     Topic(
+        "measured/condenser_pressure",
+        PRESSURE,
+        "p_c with noise; the linear designs do not use it",
+        INJECTOR,
+        frame="condenser",
+    ),
+    Topic(
         "reference/evaporator_pressure",
         PRESSURE,
         "what p_e is to be",
@@ -177,6 +260,30 @@ TOPICS: tuple[Topic, ...] = (
     ),
     Topic("scenario/air", JOINTS, "air mass flow through the evaporator, kg/s", SCENARIO, (PLANT,), (AIR,)),
     Topic("scenario/air_inlet_temperature", TEMPERATURE, "its temperature", SCENARIO, (PLANT,), frame="evaporator_air"),
+    Topic(
+        "scenario/condenser_air",
+        JOINTS,
+        "air mass flow through the condenser, kg/s",
+        SCENARIO,
+        (PLANT,),
+        (CONDENSER_AIR,),
+    ),
+    Topic(
+        "scenario/condenser_air_inlet_temperature",
+        TEMPERATURE,
+        "its temperature",
+        SCENARIO,
+        (PLANT,),
+        frame="condenser_air",
+    ),
+    Topic(
+        "scenario/air_humidity",
+        HUMIDITY,
+        "relative humidity of the air into the evaporator",
+        SCENARIO,
+        (PLANT,),
+        frame="evaporator_air",
+    ),
     *(
         _of_fault(fault, fault.schedule_topic, f"{fault.symbol} that the scenario wants", SCENARIO, INJECTOR)
         for fault in FAULTS
@@ -242,10 +349,27 @@ OCCASIONAL: tuple[Topic, ...] = (
     ),
 )
 
+#: Topics of the fields of `ac_common.signals.AirSide`, in their order.
+AIR_SIDE: tuple[str, ...] = (
+    "scenario/air",
+    "scenario/air_inlet_temperature",
+    "scenario/condenser_air",
+    "scenario/condenser_air_inlet_temperature",
+    "scenario/air_humidity",
+)
+
 BY_NAME = {topic.name: topic for topic in (*TOPICS, *OCCASIONAL)}
 
 #: Keys of `Recording.series`, in the order of the table above.
 SERIES: tuple[str, ...] = tuple(key for topic in TOPICS for key in topic.series)
+
+
+#: Keys in `SERIES` of the fields of `ac_common.signals.Performance`, in their order.
+PERFORMANCE_SERIES: tuple[str, ...] = (
+    *BY_NAME["plant/performance"].series,
+    "plant/vent_temperature",
+    "plant/subcooling",
+)
 
 
 def truth_of(kind: str) -> str:

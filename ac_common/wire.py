@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ac_common.errors import shortened
 from ac_common.fdi_status import StatusRow, status_text, status_values
-from ac_common.topics import CLOCK, DIAGNOSTICS, JOINT_FIELD, JOINTS, PRESSURE, TEMPERATURE, Topic
+from ac_common.topics import CLOCK, DIAGNOSTICS, JOINT_FIELD, JOINTS, SCALARS, Topic
 
 NANOSECONDS = 1_000_000_000
 
@@ -134,7 +134,7 @@ def _template(topic: Topic) -> tuple[bytearray, list[int]]:
         sink.data += _STAMP.pack(0, 0)
         return sink.data, []
     sink.header(0, topic.frame)
-    if topic.type in (PRESSURE, TEMPERATURE):
+    if topic.type in SCALARS:
         return sink.data, [sink.doubles([0.0, 0.0])]  # the value, and a variance of 0: unknown
     if topic.type != JOINTS:
         raise AssertionError(topic)
@@ -228,7 +228,7 @@ def value_offsets(topic: Topic, data: bytes) -> list[int]:
     """
     source = _Source(data)
     source.header()
-    if topic.type in (PRESSURE, TEMPERATURE):
+    if topic.type in SCALARS:
         source.align(8)
         return [source.skip(8)]
     if topic.type != JOINTS:

@@ -52,7 +52,7 @@ def designs_of(scenario: Scenario) -> Designs:
     return designs_at(
         scenario.operating_point,
         scenario.sample_time_s,
-        scenario.sensors,
+        scenario.design_sensors,
         scenario.superheat_sensor,
         scenario.controller_weights,
     )
@@ -84,7 +84,7 @@ def write_designs_of(scenario: Scenario, folder: Path) -> dict[str, Path]:
         folder,
         scenario.operating_point,
         scenario.sample_time_s,
-        sensors=scenario.sensors,
+        sensors=scenario.design_sensors,
         superheat=scenario.superheat_sensor,
         controller=scenario.controller_weights,
     )

@@ -30,7 +30,7 @@ class Schedule:
     reference
         (K, 2) ``[p_e Pa, SH K]``.
     air
-        (K, 2) ``[air mass flow kg/s, air inlet temperature degC]``.
+        (K, 5) the fields of `ac_common.signals.AirSide`.
     faults
         (K, F) size of each fault of `ac_common.faults.FAULTS`, SI.
     """
@@ -49,7 +49,8 @@ def schedule(scenario: Scenario, inputs: NDArray[np.float64], outputs: NDArray[n
     scenario
         The checked scenario.
     inputs
-        Inputs at the operating point, (4,) ``[rad/s, 0..1, kg/s, degC]``.
+        Inputs at the operating point, (7,) ``[rad/s, 0..1, kg/s, degC, kg/s, degC, 0..1]``: actuators, then the fields
+        of `ac_common.signals.AirSide`.
     outputs
         Outputs at the operating point, (4,) ``[p_e Pa, SH K, T_w degC, p_c Pa]``.
     """
@@ -67,6 +68,9 @@ def schedule(scenario: Scenario, inputs: NDArray[np.float64], outputs: NDArray[n
             [
                 inputs[2] * (1.0 + _moves(time_s, air.mass_flow_percent) / 100.0),
                 inputs[3] + _moves(time_s, air.inlet_temperature_k),
+                inputs[4] * (1.0 + _moves(time_s, air.condenser_mass_flow_percent) / 100.0),
+                inputs[5] + _moves(time_s, air.condenser_inlet_temperature_k),
+                inputs[6] + _moves(time_s, air.humidity_percent) / 100.0,
             ]
         ),
         faults=np.column_stack([_of_kind(scenario, kind, time_s) for kind in FAULTS]),
@@ -100,7 +104,7 @@ def built_in_scenarios() -> dict[str, Path]:
 def load(name_or_path: str | Path, overrides: Sequence[str] = (), *, whole: bool = True) -> Scenario:
     """Read a scenario by built-in name or by path, with ``KEY=VALUE`` overrides applied, and check it.
 
-    A drive cycle becomes the changes of the air flow that it stands for, so the scenario then is all there is to know.
+    A drive cycle becomes the changes of the air flows that it stands for, so the scenario then is all there is to know.
 
     Parameters
     ----------
@@ -215,7 +219,7 @@ def _validated(content: dict[str, Any], source: str) -> Scenario:
 
 
 def _driven(scenario: Scenario, source: str) -> Scenario:
-    """Return the scenario with the drive cycle, if there is one, as changes of the air flow."""
+    """Return the scenario with the drive cycle, if there is one, as changes of the air flows."""
     if scenario.air.drive_cycle is None:
         return scenario
     try:
@@ -224,7 +228,7 @@ def _driven(scenario: Scenario, source: str) -> Scenario:
         msg = f"{source}: air.drive_cycle.file: {problem}"
         raise UserError(msg) from None
     content = scenario.model_dump(mode="json")
-    content["air"] = {**content["air"], "mass_flow_percent": changes, "drive_cycle": None}
+    content["air"] = {**content["air"], **changes, "drive_cycle": None}
     return _validated(content, source)
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainValidator, create_model, model_validator
 
 from ac_common.errors import UserError, nearest, shortened
 from ac_common.fault_profiles import PROFILE_KEYS, unit_profile
@@ -77,43 +77,69 @@ class References(_Part):
     superheat_k: Annotated[list[Change], AfterValidator(TargetsWithin(-18.0, 30.0))] = []
 
 
+Moves = list[dict[str, float]]
+
+
 class RamAir(_Part):
-    """A drive: the faster the car, the more ram air on the evaporator, with the square of the speed."""
+    """A drive: the faster the car, the more ram air on the evaporator, with the square of the speed.
+
+    With `condenser` also on the condenser, beside a fan at its high stage, which alone makes the plant's usual flow.
+    """
 
     file: str = Field(min_length=1)
     percent_at_top_speed: float = Field(default=10.0, ge=-90.0, le=300.0)
+    condenser: bool = False
 
-    def changes(self) -> list[dict[str, float]]:
-        """Return the drive as changes of the air mass flow, one for each line of its file in which something changes.
+    def changes(self) -> dict[str, Moves]:
+        """Return the drive as changes of the air flows, by key, one for each line of its file in which something changes.
 
         Raises
         ------
         ValueError
             One line: what is wrong with the file, or where there is one.
         """
+        from ac_plant_node.condenser_air import HIGH, condenser_air_flow
         from ac_plant_node.drive_cycle import load_drive_cycle
 
         cycle = load_drive_cycle(Path(self.file).expanduser())
         percent = self.percent_at_top_speed * (cycle.speed_m_s / max(float(cycle.speed_m_s.max()), 1e-9)) ** 2
-        time_s, targets = cycle.time_s.tolist(), percent.tolist()
-        moves = [{"at_s": 0.0, "to": targets[0]}] if targets[0] else []
-        for start_s, end_s, before, to in zip(time_s[:-1], time_s[1:], targets[:-1], targets[1:], strict=True):
-            if to != before:
-                moves.append({"at_s": start_s, "to": to, "ramp_s": end_s - start_s})
-        return moves
+        changes = {"mass_flow_percent": _moves_through(cycle.time_s, percent)}
+        if self.condenser:
+            at_rest = condenser_air_flow(0.0, HIGH)
+            flow = np.array([condenser_air_flow(speed, HIGH) for speed in cycle.speed_m_s.tolist()])
+            changes["condenser_mass_flow_percent"] = _moves_through(cycle.time_s, 100.0 * (flow / at_rest - 1.0))
+        return changes
+
+
+def _moves_through(time_s: NDArray[np.float64], targets: NDArray[np.float64]) -> Moves:
+    """Return the changes that go through `targets`, (n,), at `time_s` in straight lines."""
+    times, to = time_s.tolist(), targets.tolist()
+    moves = [{"at_s": 0.0, "to": to[0]}] if to[0] else []
+    for start_s, end_s, before, after in zip(times[:-1], times[1:], to[:-1], to[1:], strict=True):
+        if after != before:
+            moves.append({"at_s": start_s, "to": after, "ramp_s": end_s - start_s})
+    return moves
 
 
 class Air(_Part):
-    """Air side of the evaporator, as changes from the operating point."""
+    """Air at both heat exchangers: the humidity as it is, the others as changes from the operating point."""
 
     mass_flow_percent: Annotated[list[Change], AfterValidator(TargetsWithin(-90.0, 300.0))] = []
     inlet_temperature_k: Annotated[list[Change], AfterValidator(TargetsWithin(-30.0, 30.0))] = []
+    # 0.1 to 1.5 kg/s of 0 to 50 degC at the shipped operating points' 0.55 kg/s of 30 degC: what the plant takes.
+    condenser_mass_flow_percent: Annotated[list[Change], AfterValidator(TargetsWithin(-80.0, 170.0))] = []
+    condenser_inlet_temperature_k: Annotated[list[Change], AfterValidator(TargetsWithin(-30.0, 20.0))] = []
+    humidity_percent: Annotated[list[Change], AfterValidator(TargetsWithin(0.0, 100.0))] = []
     drive_cycle: RamAir | None = None
 
     @model_validator(mode="after")
     def _one_air_flow(self) -> "Air":
-        if self.drive_cycle is not None and self.mass_flow_percent:
-            msg = "mass_flow_percent and drive_cycle both say what the air flow does; give one of them"
+        drive = self.drive_cycle
+        doubled = "mass_flow_percent" if drive is not None and self.mass_flow_percent else ""
+        if drive is not None and drive.condenser and self.condenser_mass_flow_percent:
+            doubled = "condenser_mass_flow_percent"
+        if doubled:
+            msg = f"{doubled} and drive_cycle both say what the air flow does; give one of them"
             raise ValueError(msg)
         return self
 
@@ -185,12 +211,14 @@ class Noise(_Part):
     evaporator_pressure_kpa: float = Field(default=0.0, ge=0.0, le=50.0)
     superheat_k: float = Field(default=0.0, ge=0.0, le=20.0)
     wall_temperature_k: float = Field(default=0.0, ge=0.0, le=20.0)
+    condenser_pressure_kpa: float = Field(default=0.0, ge=0.0, le=50.0)
     seed: int = Field(default=0, ge=0, le=LARGEST_SEED)
 
     @property
     def std(self) -> NDArray[np.float64]:
-        """Standard deviations of (p_e, SH, T_w) in (Pa, K, K)."""
-        return np.array([self.evaporator_pressure_kpa * KPA, self.superheat_k, self.wall_temperature_k])
+        """Standard deviations of (p_e, SH, T_w, p_c) in (Pa, K, K, Pa)."""
+        pressures = self.evaporator_pressure_kpa * KPA, self.condenser_pressure_kpa * KPA
+        return np.array([pressures[0], self.superheat_k, self.wall_temperature_k, pressures[1]])
 
 
 #: Which K0: how its weights are called.
@@ -213,6 +241,36 @@ class ControllerName:
         raise ValueError(msg)
 
 
+#: Sensors by the names that a scenario calls them; the first two are always there.
+SENSORS = ("p_e", "superheat", "T_w", "p_c")
+
+
+@dataclass(frozen=True)
+class SensorChoice:
+    """Allows the number of sensors that the designs use, or a list of the sensors there are."""
+
+    names: tuple[str, ...] = SENSORS
+
+    def __call__(self, given: Any) -> int | list[str]:
+        """Give `given` back, or raise when it is neither."""
+        if type(given) is int and given in (2, 3):
+            return given
+        if not isinstance(given, list):
+            msg = f"given {quoted(given)}; allowed: 2, 3 or a list out of {', '.join(self.names)}"
+            raise ValueError(msg)
+        for name in given:
+            if name not in self.names:
+                raise ValueError(unknown("sensor", name, list(self.names)))
+        for name in self.names[:2]:
+            if name not in given:
+                msg = f"{quoted(given)} lacks {name}, which K0 controls"
+                raise ValueError(msg)
+        if len(set(given)) < len(given):
+            msg = f"{quoted(given)} names a sensor twice"
+            raise ValueError(msg)
+        return given
+
+
 class Scenario(_Part):
     """A whole run. See `docs/` and the files in `ac_experiments/scenarios/` for examples."""
 
@@ -222,7 +280,7 @@ class Scenario(_Part):
     duration_s: float = Field(gt=0.0, le=86400.0)
     sample_time_s: float = Field(default=DEFAULT_SAMPLE_TIME_S, ge=SHORTEST_SAMPLE_TIME_S, le=LONGEST_SAMPLE_TIME_S)
     passive: bool = False
-    sensors: Literal[2, 3] = 3
+    sensors: Annotated[int | list[str], PlainValidator(SensorChoice())] = 3
     superheat_sensor: Literal["direct", "derived"] = "direct"
     controller: Annotated[str, AfterValidator(ControllerName())] = "tracking"
     references: References = References()
@@ -279,10 +337,15 @@ class Scenario(_Part):
             When the compensator is to act with two sensors.
         """
         passive = self.passive if instead is None else instead
-        if self.sensors == 2 and not passive:
-            msg = "sensors: 2 needs passive: true, since the compensators are designed for three sensors"
+        if self.design_sensors == 2 and not passive:
+            msg = f"sensors: {self.sensors} needs passive: true, since the compensators are designed for three sensors"
             raise UserError(msg)
         return passive
+
+    @property
+    def design_sensors(self) -> int:
+        """How many sensors the designs use: 3, or 2 without the wall thermocouple; they have no use for p_c."""
+        return (3 if "T_w" in self.sensors else 2) if isinstance(self.sensors, list) else self.sensors
 
     @property
     def controller_class(self) -> str:

@@ -18,9 +18,11 @@ from ac_common.fdi_status import StatusRow
 from ac_common.health import AS_USUAL
 from ac_common.signals import Innovation, Measurement, PlantOutput, Reference, topics_of
 from ac_common.topics import (
+    AIR_SIDE,
     BY_NAME,
     COMPENSATOR,
     CONTROLLER,
+    PERFORMANCE_SERIES,
     SERIES,
     residual_of,
     schedule_of,
@@ -42,6 +44,8 @@ _ACTUATORS = tuple(BY_NAME["controller/command"].joints)
 _MADE = (
     *topics_of("plant", PlantOutput),
     "plant/air_inlet_temperature",
+    "plant/condenser_air_inlet_temperature",
+    *PERFORMANCE_SERIES,
     *topics_of("measured", Measurement),
     *topics_of("fdi/innovation", Innovation),
     *(residual_of(kind) for kind in ISOLABLE_KINDS),
@@ -141,30 +145,31 @@ class _Loop:
         check_controller_of(scenario)
 
         rest = operating_point(scenario.operating_point)
-        self.schedule = schedule(scenario, rest.inputs, rest.outputs)
         self.status: list[StatusRow] = []
         self.events: list[dict[str, Any]] = []
         self._sample_time_s = scenario.sample_time_s
         self._plant = Plant.at(scenario.operating_point)
+        self._inputs, self._reading = self._plant.inputs, np.empty(len(Innovation._fields))
+        self.schedule = schedule(scenario, self._inputs, rest.outputs)
         self._injector = FaultInjector(scenario.noise.std, scenario.noise.seed, scenario.superheat_sensor)
         self._detector = FaultDetector(designs.fdi)
         self._compensator = Compensator(designs.compensator, accommodate=accommodate)
         self._controller = make_controller(designs.controller, scenario.controller_class)
         self._outputs: list[float] = rest.outputs.tolist()
-        self._inputs, self._reading = np.array(rest.inputs), np.empty(len(Measurement._fields))
-        # The plant reports the inlet temperature that acted until now: the one held over the sample just past.
-        self._air_inlet_c = float(rest.inputs[3])
+        # The plant reports the inlet temperatures that acted until now: those held over the sample just past.
+        self._air_inlet_c, self._condenser_inlet_c = float(self._inputs[3]), float(self._inputs[5])
         self._does = {COMPENSATOR: "", CONTROLLER: ""}
 
     def tick(self, time_s: float, reference: NDArray[np.float64], faults: Sequence[float]) -> tuple[float, ...]:
         """Go around the loop once; return the values of `_MADE`."""
         outputs, air_inlet_c = self._outputs, self._air_inlet_c
-        measured = self._injector.measure(outputs[:3], faults)
-        found = self._detector.observe(time_s, measured, air_inlet_c)
+        measured = self._injector.measure(outputs, faults)
+        readings = measured[:3]  # those that the designs use
+        found = self._detector.observe(time_s, readings, air_inlet_c)
         wanted = tuple(reference.tolist())
         q = self._compensator.step(found.innovation, found.isolated, found.also_isolated, wanted)
         reading = self._reading
-        reading[0], reading[1], reading[2] = measured
+        reading[0], reading[1], reading[2] = readings
         command = self._controller.step(reference, reading, q)
         self._detector.commanded(command)
         if self._compensator.does != self._does[COMPENSATOR]:
@@ -176,12 +181,13 @@ class _Loop:
         self._inputs[0], self._inputs[1] = actuator
         self.status.append(found.status(time_s))
         seen = (*measured, *found.innovation, *found.residual)
-        return (*outputs, air_inlet_c, *seen, *q.tolist(), *commanded, *actuator)
+        told = (air_inlet_c, self._condenser_inlet_c, *self._plant.performance)
+        return (*outputs, *told, *seen, *q.tolist(), *commanded, *actuator)
 
     def advance(self, air: Sequence[float]) -> None:
         """Let the plant run on to the next tick with the actuators as they are; raises ValueError when it cannot."""
-        self._inputs[2], self._inputs[3] = air
-        self._air_inlet_c = air[1]
+        self._inputs[2:] = air
+        self._air_inlet_c, self._condenser_inlet_c = air[1], air[3]
         self._outputs = self._plant.step(self._inputs, self._sample_time_s).tolist()
 
     def _announce(self, time_s: float, node: str, does: str) -> None:
@@ -193,8 +199,7 @@ def _series(made: NDArray[np.float64], plan: Schedule) -> dict[str, NDArray[np.f
     """Return all recorded series, in their usual order: what the loop has made, and what was played to it."""
     columns = dict(zip(_MADE, made.T, strict=True))
     columns |= dict(zip(topics_of("reference", Reference), plan.reference.T, strict=True))
-    air = (BY_NAME["scenario/air"].series[0], "scenario/air_inlet_temperature")
-    columns |= dict(zip(air, plan.air.T, strict=True))
+    columns |= dict(zip([BY_NAME[topic].series[0] for topic in AIR_SIDE], plan.air.T, strict=True))
     for kind, sizes in zip(KINDS, plan.faults.T, strict=True):
         columns[schedule_of(kind)] = columns[truth_of(kind)] = sizes
     return {key: columns[key].copy() for key in SERIES if key in columns}

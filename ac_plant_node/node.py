@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from ac_common.health import PlantReport
 from ac_common.safe_command import COMMAND_HOLD_S, CommandHold
-from ac_common.topics import CLOCK, PLANT, Topic
+from ac_common.signals import Performance
+from ac_common.topics import AIR_SIDE, CLOCK, PLANT, Topic
 from ac_plant_node.rest import rest_at
 from ac_ros_common.loop_node import LoopNode, run_node
 from ac_ros_common.parameters import MODE, OPERATING_POINT, SAMPLE_TIME, Parameter
@@ -43,6 +44,8 @@ MOST_LATE_TICKS = 1000
 LATE_SHARE = 0.5
 #: So many of the missed ticks, and of the late commands, are told one by one in a health report.
 MOST_TOLD = 200
+#: What a model of somebody else's has of what ours tells for evaluation.
+_UNTOLD = Performance(*[math.nan] * len(Performance._fields))
 
 
 class Model(Protocol):
@@ -53,8 +56,10 @@ class Model(Protocol):
 
         Parameters
         ----------
-        inputs : ndarray, shape (4,)
-            Compressor speed [rad/s], valve opening [0..1], air flow [kg/s], air inlet temperature [degC].
+        inputs : ndarray, shape (n,)
+            As many as `PlantNode.make_model` gives, 4 to 7: compressor speed [rad/s], valve opening [0..1], air flow
+            [kg/s], air inlet temperature [degC]; air flow at the condenser [kg/s], its inlet temperature [degC],
+            relative humidity at the evaporator's inlet [0..1].
         duration_s : float
 
         Returns
@@ -95,7 +100,9 @@ class PlantNode(LoopNode):
     def configure(self) -> None:
         """Put the plant at rest at its operating point."""
         self._plant, inputs, outputs = self.make_model()
-        self._held = np.array(inputs, dtype=np.float64)
+        self._held = np.array(rest_at(self.value("operating_point"))["inputs"])
+        self._taken = len(inputs)  # how many of them the model takes
+        self._held[: self._taken] = inputs
         self._plant_outputs = np.array(outputs, dtype=np.float64)
         self._realtime = self.is_realtime
         self._hold = CommandHold(self._held[:2], self.value("sample_time_s"), self.value("command_hold_s"))
@@ -109,12 +116,11 @@ class PlantNode(LoopNode):
         self._published_s.clear()
         if not self._realtime:
             self.add_output(Topic("clock", CLOCK, "simulated time", PLANT), "/clock")
-        air = ("scenario/air", "scenario/air_inlet_temperature")
         if self._realtime:
-            self.on_tick(air, self._ventilated, holds_s=dict.fromkeys(air, math.inf))
+            self.on_tick(AIR_SIDE, self._ventilated, holds_s=dict.fromkeys(AIR_SIDE, math.inf))
             self.on_tick(("actuator/command",), self._commanded)
         else:
-            self.on_tick(("actuator/command", *air), self._commanded)
+            self.on_tick(("actuator/command", *AIR_SIDE), self._commanded)
 
     def started(self) -> None:
         """Publish the first tick."""
@@ -153,6 +159,11 @@ class PlantNode(LoopNode):
         self.send(time_ns, "plant/wall_temperature", wall)
         self.send(time_ns, "plant/air_inlet_temperature", float(self._held[3]))
         self.send(time_ns, "plant/condenser_pressure", p_c)
+        self.send(time_ns, "plant/condenser_air_inlet_temperature", float(self._held[5]))
+        *joints, vent, subcooling = getattr(self._plant, "performance", _UNTOLD)
+        self.send(time_ns, "plant/performance", *joints)
+        self.send(time_ns, "plant/vent_temperature", vent)
+        self.send(time_ns, "plant/subcooling", subcooling)
 
     def _commanded(self, time_ns: int, *values: float) -> None:
         """Hold the inputs of a tick from now on; in lockstep that ends the tick."""
@@ -220,7 +231,7 @@ class PlantNode(LoopNode):
     def _step(self) -> None:
         assert self._plant is not None
         try:
-            self._plant_outputs = self._plant.step(self._held, self._sample_time_s)
+            self._plant_outputs = self._plant.step(self._held[: self._taken], self._sample_time_s)
         except ValueError as problem:
             msg = f"the plant stopped at {self._tick * self._tick_ns / 1e9:.1f} s: {problem}"
             raise ValueError(msg) from problem
@@ -245,7 +256,7 @@ class PlantNode(LoopNode):
         )
 
     def _truth(self) -> dict[str, Any]:
-        """Return what is on no topic, for evaluation only: the paper's state and the cooling power."""
+        """Return what no node of the loop may know, for evaluation only: the paper's state, and the performance."""
         if self._plant is None:
             return {}
         from ac_plant_node import Plant
@@ -254,7 +265,7 @@ class PlantNode(LoopNode):
         if not isinstance(self._plant, Plant):
             return {}  # a model of somebody else's
         state = dict(zip(STATE_NAMES, self._plant.state.tolist(), strict=True))
-        return {"internal_state": state, "cooling_power_w": self._plant.outputs.cooling_power_w}
+        return {"internal_state": state, "performance": self._plant.performance._asdict()}
 
 
 def main() -> int:

@@ -10,6 +10,8 @@ from ac_plant_node.fingerprint import parameters_fingerprint
 def rest_at(point: str) -> Arrays:
     """Return the fields `inputs`, `outputs`, `state` and `conserved` of `ac_plant_node.operating_point`.
 
+    `inputs` are all those of `ac_plant_node.inputs.INPUTS`, (7,).
+
     Raises
     ------
     ValueError
@@ -17,10 +19,14 @@ def rest_at(point: str) -> Arrays:
     """
 
     def find() -> Arrays:
+        from ac_plant_node.dynamics.drive import held_inputs
         from ac_plant_node.equilibrium import operating_point
+        from ac_plant_node.inputs import N_INPUTS
+        from ac_plant_node.parameters.file import load_parameters
 
         rest = operating_point(point)
-        return {name: getattr(rest, name) for name in ("inputs", "outputs", "state", "conserved")}
+        inputs = held_inputs(rest.inputs, load_parameters())[:N_INPUTS]
+        return {"inputs": inputs, **{name: getattr(rest, name) for name in ("outputs", "state", "conserved")}}
 
     key = {"point": point, "plant": parameters_fingerprint(), "code": source_fingerprint("ac_plant_node")}
     return cached(f"rest-{point}", key, find)

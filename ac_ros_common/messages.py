@@ -8,7 +8,7 @@ from typing import Any
 from rclpy.serialization import deserialize_message
 
 from ac_common.fdi_status import status_row
-from ac_common.topics import DIAGNOSTICS, JOINT_FIELD, JOINTS, PRESSURE, TEMPERATURE, Topic
+from ac_common.topics import DIAGNOSTICS, JOINT_FIELD, JOINTS, SCALARS, TEMPERATURE, Topic
 from ac_common.wire import NANOSECONDS, read_diagnostics, unpacker
 from ac_common.wire import stamp_ns as serialised_stamp_ns
 
@@ -80,9 +80,11 @@ def message_reader(topic: Topic) -> Callable[[Any], Values]:
     if topic.type == DIAGNOSTICS:
         return _read_status
     spans = topic.spans
-    if topic.type in (PRESSURE, TEMPERATURE):
+    if topic.type in SCALARS:
         ((low, high),) = spans
-        field, unit = ("fluid_pressure", "Pa") if topic.type == PRESSURE else ("temperature", "degC or K")
+        field, unit, _ = SCALARS[topic.type]
+        if topic.type == TEMPERATURE:
+            unit = "degC or K"
 
         def read_scalar(message: Any) -> Values:
             value = getattr(message, field)
@@ -108,7 +110,7 @@ def message_reader(topic: Topic) -> Callable[[Any], Values]:
                     raise BadMessage(msg, "length")
                 value = column[i]
                 if not low <= value <= high:
-                    raise _bad(value, key, low, high, "rad/s, 0..1 or kg/s")
+                    raise _bad(value, key, low, high, "rad/s, 0..1, kg/s or W")
                 values.append(value)
             return tuple(values)
 

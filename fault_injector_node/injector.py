@@ -26,9 +26,10 @@ class FaultInjector:
 
     Parameters
     ----------
-    noise_std : sequence of float, length 3
-        Standard deviations of the Gaussian noise on evaporator pressure [Pa], superheat [K], wall temperature [K].
-        With a derived superheat, the second one is that of the thermocouple.
+    noise_std : sequence of float, length 3 or 4
+        Standard deviations of the Gaussian noise on evaporator pressure [Pa], superheat [K], wall temperature [K] and
+        condenser pressure [Pa], which has a random sequence of its own. With a derived superheat, the second one is
+        that of the thermocouple.
     seed : int
         Of the noise; the same seed gives the same noise.
     superheat : str
@@ -41,7 +42,7 @@ class FaultInjector:
     """
 
     def __init__(
-        self, noise_std: Sequence[float] | Vector = (0.0, 0.0, 0.0), seed: int = 0, superheat: str = "direct"
+        self, noise_std: Sequence[float] | Vector = (0.0, 0.0, 0.0, 0.0), seed: int = 0, superheat: str = "direct"
     ) -> None:
         if superheat not in ("direct", "derived"):
             msg = f"superheat sensor {superheat!r}; allowed: direct or derived"
@@ -52,18 +53,19 @@ class FaultInjector:
 
             self._saturation_temperature = saturation_temperature
         std = np.asarray(noise_std, dtype=np.float64)
-        if std.shape != (3,) or not np.all(std >= 0.0):
-            msg = f"noise_std is {list(noise_std)}; allowed: three numbers, none negative"
+        if std.shape not in ((3,), (4,)) or not np.all(std >= 0.0):
+            msg = f"noise_std is {list(noise_std)}; allowed: three or four numbers, none negative"
             raise ValueError(msg)
-        self._noise = _noise(std, seed) if np.any(std > 0.0) else None
+        self._noise = _noise(std[:3], [seed]) if np.any(std[:3] > 0.0) else None
+        self._high_side_noise = _noise(std[3:], [seed, 1]) if np.any(std[3:] > 0.0) else None
 
     def measure(self, actual: Sequence[float], faults: Sequence[float]) -> Measurement:
         """Return the readings of this tick.
 
         Parameters
         ----------
-        actual : sequence of float, length 3
-            Evaporator pressure [Pa], superheat [K], wall temperature [degC] as they are.
+        actual : sequence of float
+            The fields of `Measurement` as they are.
         faults : sequence of float
             Size of each fault of `ac_common.faults.FAULTS` [SI].
 
@@ -76,6 +78,8 @@ class FaultInjector:
         if self._noise is not None:
             for i, noise in enumerate(next(self._noise)):
                 measured[i] += noise
+        if self._high_side_noise is not None:
+            measured[3] += next(self._high_side_noise)[0]
         for fault, reading in _SENSOR_FAULTS:
             measured[reading] += faults[fault]
         if self._derived:
@@ -98,8 +102,8 @@ class FaultInjector:
         return Command(*actuator)
 
 
-def _noise(std: Vector, seed: int) -> Iterator[list[float]]:
+def _noise(std: Vector, seed: list[int]) -> Iterator[list[float]]:
     """Yield the noise of one tick after the other; drawn for many at once, which is the same noise for less time."""
     random = np.random.default_rng(seed)
     while True:
-        yield from (std * random.standard_normal((_TICKS_AT_ONCE, 3))).tolist()
+        yield from (std * random.standard_normal((_TICKS_AT_ONCE, len(std)))).tolist()

@@ -47,7 +47,11 @@ PARAMETERS = (
     MODE,
     RUN_START,
     SUPERHEAT_SENSOR,
-    Parameter("noise_std", [0.0, 0.0, 0.0], "standard deviation of the noise on p_e (Pa), superheat (K), T_w (K)"),
+    Parameter(
+        "noise_std",
+        [0.0, 0.0, 0.0, 0.0],
+        "standard deviation of the noise on p_e (Pa), superheat (K), T_w (K), p_c (Pa)",
+    ),
     Parameter(
         "command_hold_s",
         COMMAND_HOLD_S,
@@ -86,7 +90,7 @@ class InjectorNode(LoopNode):
         self._measured_ns = -1
         self._derived = self.value("superheat_sensor") == "derived"
         rest = rest_at(self.value("operating_point"))
-        self._actual = Measurement(*rest["outputs"][:3].tolist())
+        self._actual = Measurement(*rest["outputs"].tolist())
         self._tick_ns = round(1e9 * self.sample_time_s)
         self._early: tuple[int, float, float] | None = None  # a command that overtook its tick's measurement
         self._hold = CommandHold(rest["inputs"][:2], self.sample_time_s, self.value("command_hold_s"))

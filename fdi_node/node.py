@@ -9,7 +9,7 @@ import sys
 
 from ac_common.faults import ISOLABLE
 from ac_common.health import FdiReport
-from ac_common.signals import Command, Innovation, Measurement, topics_of
+from ac_common.signals import Command, Innovation, topics_of
 from ac_common.topics import FDI
 from ac_ros_common.checkpoint import AGE_S
 from ac_ros_common.loop_node import LoopNode, run_node
@@ -25,7 +25,7 @@ from ac_ros_common.stuck_sensor import STUCK_S, StuckSensor
 from fdi_node.sequencer import Sequencer
 
 PARAMETERS = (SAMPLE_TIME, MODE, RUN_START, MEMORY_FILE, DESIGN_FILE, DESIGN_COPY)
-MEASURED = topics_of("measured", Measurement)
+MEASURED = topics_of("measured", Innovation)
 INNOVATIONS = topics_of("fdi/innovation", Innovation)
 RESIDUALS = tuple(fault.residual_topic for fault in ISOLABLE)
 #: How long the last measurement stands in for a missing one, s.
@@ -90,7 +90,7 @@ class FdiNode(LoopNode):
         if missed is not None and missed * self.sample_time_s >= AGE_S:
             missed = None  # straight lines over so long a time mean nothing
         if missed is None or missed > 0:
-            self._detector.warm_restart(Measurement(*values[:3]), values[3], self._last_command, missed)
+            self._detector.warm_restart(values[:3], values[3], self._last_command, missed)
 
     def _observe(self, time_ns: int, *values: float) -> None:
         if self._start_ns is None:
@@ -100,7 +100,7 @@ class FdiNode(LoopNode):
                 self._detector.commanded(self._last_command)
             self._warm_restart(self._sequencer.observed_ns, time_ns, *values)
         time_s = (time_ns - self._start_ns) / 1e9
-        found = self._detector.observe(time_s, Measurement(*values[:3]), values[3])
+        found = self._detector.observe(time_s, values[:3], values[3])
         for topic, value in zip(INNOVATIONS, found.innovation, strict=True):
             self.send(time_ns, topic, value)
         self.send(time_ns, "fdi/status", found.status(time_s))

@@ -24,6 +24,7 @@ from ac_experiments.report.nodes import MOST_EVENTS, Event, Report, events_of, h
 from ac_experiments.report.panels import around, charts_of, cut, story_of, subscripted
 from ac_experiments.report.paper_figures import figures_for
 from ac_experiments.report.parts import Part, Plot, Section, Table, Words, cell, code, render_page
+from ac_experiments.report.performance import performance_table
 
 _METRICS = (
     ("command_change_rpm", "Change of the commanded compressor speed at rest", "rpm", "+.2f"),
@@ -88,6 +89,7 @@ def render(
     sections = [
         Section("faults", "Faults", _faults_table(summary)),
         Section("figures", "Figures", _metrics_table(summary, other, scenario)),
+        Section("performance", "Performance of the plant", performance_table(recording)),
         *_details(summary, recording, beside, note, plots),
         Section("run", "The whole run", _whole_run(recording, beside, note, plots)),
         Section("nodes", "Timing and health of the nodes", _nodes(recording, reports, plots)),
@@ -322,7 +324,7 @@ def _parameters(recording: Recording) -> list[Part]:
     scenario: Mapping[str, Any] = recording.metadata["scenario"]
     given = {
         "sample time": f"{recording.metadata['sample_time_s']:g} s",
-        "sensors": "p_e, SH and wall thermocouple" if scenario.get("sensors", 3) == 3 else "p_e and SH",
+        "sensors": _sensors(scenario.get("sensors", 3)),
         "superheat": f"{scenario.get('superheat_sensor', 'direct')} sensor",
         "controller": f"K0 {scenario.get('controller', 'tracking')}",
         "noise (standard deviation)": _noise(scenario.get("noise", {})),
@@ -337,6 +339,12 @@ def _parameters(recording: Recording) -> list[Part]:
         heads = ["Node", "Parameters; the others have their defaults"]
         parts += [Words("Given to the nodes", "heading"), Table(heads, rows)]
     return parts
+
+
+def _sensors(sensors: int | list[str]) -> str:
+    if isinstance(sensors, list):
+        return ", ".join(sensors)
+    return "p_e, SH and wall thermocouple" if sensors == 3 else "p_e and SH"
 
 
 def _noise(noise: Mapping[str, Any]) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.faults import FAULTS, ISOLABLE, ISOLABLE_KINDS, Fault
-from ac_common.topics import residual_of, truth_of
+from ac_common.topics import PERFORMANCE_SERIES, residual_of, truth_of
 from ac_common.units import KPA, RPM
 from ac_experiments.metrics import fault_summaries
 from ac_experiments.recording import Recording
@@ -162,7 +162,7 @@ def panels_of(recording: Recording, both: bool) -> list[Panel]:
     """List the panels of a run, drawn beside another run or not.
 
     p_e, SH, N, valve, r_N, r_p; the faults that no filter is for, by their kind, when they are there; q_N, q_valve when
-    a compensator acts; T_w, p_c; air_flow, air_inlet when they move.
+    a compensator acts; T_w, p_c; cooling, vents, subcooling, water when some condenses; of the air side what moves.
     """
     look = _Look.of(recording, both)
     reference = partial(Line, name="reference", colour=BLACK, dash="dash", width=1.2)
@@ -185,12 +185,48 @@ def panels_of(recording: Recording, both: bool) -> list[Panel]:
     p_c = Line("plant/condenser_pressure", f"actual{look.tag}", look.own, width=2.2)
     beside = Line("plant/condenser_pressure", f"actual, {look.theirs}", look.other, "dashdot")
     panels.append(Panel("p_c", "Condenser pressure", "p<sub>c</sub>, kPa", KPA, (p_c,), (beside,), least_range=1.0))
-    if _varies(recording, "scenario/air:evaporator_air"):
-        flow = Line("scenario/air:evaporator_air", "air flow", GREEN, step=True)
-        panels.append(Panel("air_flow", "Evaporator air flow", "m<sub>ea</sub>, kg/s", 1.0, (flow,), least_range=0.001))
-    if _varies(recording, "scenario/air_inlet_temperature"):
-        inlet = Line("scenario/air_inlet_temperature", "air inlet", GREEN, step=True)
-        panels.append(Panel("air_inlet", "Evaporator air inlet", "T<sub>ea</sub>, °C", 1.0, (inlet,)))
+    return [*panels, *_performance(recording, look), *(panel for panel in _AIR if _varies(recording, panel.own[0].key))]
+
+
+def _air(key: str, series: str, title: str, y_title: str, least: float, per_unit: float = 1.0) -> Panel:
+    line = Line(series, title.lower(), GREEN, step=True)
+    return Panel(key, title, y_title, per_unit, (line,), least_range=least)
+
+
+_AIR = (
+    _air("air_flow", "scenario/air:evaporator_air", "Evaporator air flow", "m<sub>ea</sub>, kg/s", 0.001),
+    _air("air_inlet", "scenario/air_inlet_temperature", "Evaporator air inlet", "T<sub>ea</sub>, °C", 0.1),
+    _air("humidity", "scenario/air_humidity", "Relative humidity at the evaporator", "%", 1.0, 0.01),
+    _air("condenser_flow", "scenario/condenser_air:condenser_air", "Condenser air flow", "m<sub>ca</sub>, kg/s", 0.001),
+    _air(
+        "condenser_inlet",
+        "scenario/condenser_air_inlet_temperature",
+        "Condenser air inlet",
+        "T<sub>ca</sub>, °C",
+        0.1,
+    ),
+)
+"""Panels of the air side; a run has those in which something moves."""
+
+
+def _performance(recording: Recording, look: _Look) -> list[Panel]:
+    """Return the panels of what the plant makes of a run; none for a plant that does not tell it."""
+    cooling, latent, water, power, vent, subcooling = PERFORMANCE_SERIES
+    if not _acts(recording, cooling):
+        return []
+    heat = [Line(cooling, "cooling", look.own, width=2.2), Line(power, "compressor power", ORANGE)]
+    moist = _acts(recording, water)
+    if moist:
+        heat.insert(1, Line(latent, "latent cooling", SKY, width=1.4))
+    panels = [
+        Panel("cooling", "Cooling and compressor power", "kW", 1e3, tuple(heat)),
+        Panel("vents", "Air at the vents", "T, °C", 1.0, (Line(vent, "behind the evaporator", look.own, width=2.2),)),
+        Panel("subcooling", "Subcooling", "K", 1.0, (Line(subcooling, "subcooling", look.own, width=2.2),)),
+    ]
+    if moist:
+        panels.append(
+            Panel("water", "Water that condenses", "kg/h", 1 / 3600, (Line(water, "water", look.own, width=2.2),))
+        )
     return panels
 
 

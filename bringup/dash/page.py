@@ -13,6 +13,7 @@ from jinja2 import Environment, FileSystemLoader
 
 from ac_common.faults import FAULTS, ISOLABLE, UNKNOWN, in_unit
 from ac_common.health import PlantReport
+from ac_common.signals import Performance
 from ac_common.units import KPA
 from bringup.dash.controls import STYLE, ChangeControl, FaultControl, RunControl
 from bringup.dash.cycle import corners, subcooled_enthalpy
@@ -239,7 +240,8 @@ def lamps(view: View, problem: str) -> str:
 def readouts(newest: Mapping[str, float], view: View) -> str:
     """Return the figures of this moment, with their units."""
     said = PlantReport.read(view.plant)
-    cooling = (math.nan if said.cooling_power_w is None else said.cooling_power_w) / 1e3
+    told = {name: said.performance.get(name, math.nan) for name in Performance._fields}
+    cooling, latent, power = (told[name] / 1e3 for name in ("cooling", "latent_cooling", "compressor_power"))
     figures = (
         ("evaporator", f"{newest.get('p_e', math.nan):.1f} kPa"),
         ("condenser", f"{newest.get('p_c', math.nan):.0f} kPa"),
@@ -249,7 +251,15 @@ def readouts(newest: Mapping[str, float], view: View) -> str:
         ("valve", f"{newest.get('valve', math.nan):.1f} %"),
         ("air flow", f"{newest.get('air_flow', math.nan):.0f} g/s"),
         ("air inlet", f"{newest.get('air_inlet', math.nan):.1f} °C"),
+        ("humidity", f"{newest.get('humidity', math.nan):.0f} %"),
+        ("vents", f"{told['vent_temperature']:.1f} °C"),
         ("cooling", f"{cooling:.2f} kW"),
+        ("sensible", f"{cooling - latent:.2f} kW"),
+        ("latent", f"{latent:.2f} kW"),
+        ("water", f"{3600.0 * told['condensed_water']:.2f} kg/h"),
+        ("power", f"{power:.2f} kW"),
+        ("COP", f"{cooling / power if power > 0.0 else math.nan:.2f}"),
+        ("subcooling", f"{told['subcooling']:.1f} K"),
         ("missed ticks", "–" if said.missed_ticks is None else str(said.missed_ticks)),
     )
     return str(_FRAGMENTS.readouts([(name, figure.replace("nan", "–")) for name, figure in figures]))

@@ -56,6 +56,7 @@ COLUMNS = (
     ("valve", f"controller/command:{VALVE}", 0.01),
     ("air_flow", f"scenario/air:{AIR}", 0.001),
     ("air_inlet", "scenario/air_inlet_temperature", 1.0),
+    ("humidity", "scenario/air_humidity", 0.01),
     *((fault.symbol, truth_of(fault.kind), fault.si) for fault in FAULTS),
     *((fault.residual_symbol, residual_of(fault.kind), fault.si) for fault in ISOLABLE),
     *((threshold_column(fault), f"fdi/status:{fault.kind}", fault.si) for fault in ISOLABLE),

@@ -43,11 +43,11 @@ class GraphAudit:
         return any(_is(name, writer) for writer in self._node.get_publishers_info_by_topic("/diagnostics"))
 
     def publishes_all(self, name: str) -> bool:
-        """Whether every topic that is a node's to publish has it for a publisher."""
+        """Whether every topic that is a node's to publish, and on which another node acts, has it for a publisher."""
         return all(
             any(_is(name, writer) for writer in self._node.get_publishers_info_by_topic(f"{NAMESPACE}/{topic.name}"))
             for topic in TOPICS
-            if topic.publisher == name
+            if topic.publisher == name and topic.subscribers
         )
 
     def unexpected(self, restarted: Collection[str]) -> list[str]:

@@ -144,7 +144,7 @@ def _loop_parameters(scenario: Scenario, log: Path, mode: Mode, passive: bool) -
             "superheat_sensor": scenario.superheat_sensor,
         },
         FDI: {**timing},
-        COMPENSATOR: {**timing, "sensors": scenario.sensors, "accommodate": not passive},
+        COMPENSATOR: {**timing, "sensors": scenario.design_sensors, "accommodate": not passive},
         CONTROLLER: {**timing},
         SCENARIO: {"scenario": json.dumps(scenario.model_dump(mode="json")), "mode": mode},
     }

@@ -14,7 +14,7 @@ from rclpy.parameter import Parameter as RosParameter
 from ac_common.faults import FAULTS
 from ac_common.ramp import LiveOffset
 from ac_common.signals import Reference, topics_of
-from ac_common.topics import SCENARIO
+from ac_common.topics import AIR_SIDE, SCENARIO
 from ac_common.units import KPA
 from ac_experiments.scenario_schema import Air, References, targets_within
 from ac_plant_node.rest import rest_at
@@ -23,8 +23,15 @@ from ac_ros_common.parameters import MODE, RUN_START, Parameter
 
 _P_E = targets_within(References, "evaporator_pressure_kpa")
 _SUPERHEAT = targets_within(References, "superheat_k")
-_FLOW = targets_within(Air, "mass_flow_percent")
-_INLET = targets_within(Air, "inlet_temperature_k")
+#: What the live changes of the air side are added to, in the order of `AirSide`.
+_AIR = {
+    "mass_flow_percent": "air mass flow, per cent of the operating point's",
+    "inlet_temperature_k": "air inlet temperature, K",
+    "condenser_mass_flow_percent": "air mass flow through the condenser, per cent of the operating point's",
+    "condenser_inlet_temperature_k": "air inlet temperature of the condenser, K",
+    "humidity_percent": "relative humidity at the evaporator's inlet, per cent",
+}
+_AIR_LIMITS = {key: targets_within(Air, key) for key in _AIR}
 
 #: Live changes from what the scenario plays, in the order of a row's references and air.
 OFFSETS = (
@@ -44,21 +51,16 @@ OFFSETS = (
         _SUPERHEAT.highest,
         live=True,
     ),
-    Parameter(
-        "air.mass_flow_percent",
-        0.0,
-        "added to the scenario's air mass flow, per cent of the operating point's",
-        _FLOW.lowest,
-        _FLOW.highest,
-        live=True,
-    ),
-    Parameter(
-        "air.inlet_temperature_k",
-        0.0,
-        "added to the scenario's air inlet temperature, K",
-        _INLET.lowest,
-        _INLET.highest,
-        live=True,
+    *(
+        Parameter(
+            f"air.{key}",
+            0.0,
+            f"added to the scenario's {what}",
+            _AIR_LIMITS[key].lowest,
+            _AIR_LIMITS[key].highest,
+            live=True,
+        )
+        for key, what in _AIR.items()
     ),
 )
 PARAMETERS = (
@@ -69,7 +71,7 @@ PARAMETERS = (
     *OFFSETS,
 )
 #: Topics of a row of the schedule: references and air, then faults.
-PLAYED = (*topics_of("reference", Reference), "scenario/air", "scenario/air_inlet_temperature")
+PLAYED = (*topics_of("reference", Reference), *AIR_SIDE)
 SCHEDULES = tuple(fault.schedule_topic for fault in FAULTS)
 #: How long the references go on by themselves when the plant's messages stay away, s.
 HOLD_S = 0.3
@@ -95,14 +97,17 @@ class ScenarioNode(LoopNode):
         self._rows = np.hstack([plan.reference, plan.air, plan.faults])
         self._tick_ns = scenario.tick_ns
         self._start_ns = self.run_start_ns if self.run_start_ns >= 0 else None
-        outputs, (_, _, flow, inlet) = rest["outputs"], rest["inputs"]
-        self._flow_percent = float(flow) / 100.0
+        outputs, air = rest["outputs"], rest["inputs"][2:].tolist()
+        #: How much of SI one unit of each live change is, and what it is a change of.
+        self._units = (1.0, 1.0, air[0] / 100.0, 1.0, air[2] / 100.0, 1.0, 0.01)
         # What is set live comes on top of what is played, within what a scenario may ask for.
         self._allowed = (
             (outputs[0] + _P_E.lowest * KPA, outputs[0] + _P_E.highest * KPA),
             (outputs[1] + _SUPERHEAT.lowest, outputs[1] + _SUPERHEAT.highest),
-            (flow * (1.0 + _FLOW.lowest / 100.0), flow * (1.0 + _FLOW.highest / 100.0)),
-            (inlet + _INLET.lowest, inlet + _INLET.highest),
+            *(
+                (_changed_air(key, base, limit.lowest), _changed_air(key, base, limit.highest))
+                for base, (key, limit) in zip(air, _AIR_LIMITS.items(), strict=True)
+            ),
         )
         self._offsets = {parameter.name: LiveOffset(self.value(parameter.name)) for parameter in OFFSETS}
         self.on_tick(("plant/evaporator_pressure",), self._play, holds_s={"plant/evaporator_pressure": HOLD_S})
@@ -118,8 +123,8 @@ class ScenarioNode(LoopNode):
         tick = round((time_ns - self._start_ns) / self._tick_ns)
         row = self._rows[min(tick, len(self._rows) - 1)].tolist()
         played, faults = row[: len(PLAYED)], row[len(PLAYED) :]
-        more = [offset.value(time_ns / 1e9) for offset in self._offsets.values()]
-        more[2] *= self._flow_percent
+        time_s = time_ns / 1e9
+        more = [unit * offset.value(time_s) for unit, offset in zip(self._units, self._offsets.values(), strict=True)]
         for topic, value in zip(SCHEDULES, faults, strict=True):
             self.send(time_ns, topic, value)
         for topic, value, offset, (low, high) in zip(PLAYED, played, more, self._allowed, strict=True):
@@ -130,6 +135,13 @@ class ScenarioNode(LoopNode):
         for parameter in parameters:
             if parameter.name in self._offsets:
                 self._offsets[parameter.name].change(parameter.value, self.value("ramp_s"))
+
+
+def _changed_air(key: str, at_rest: float, change: float) -> float:
+    """Return an input of the air side after a change of the size `change`, to the last bit as a schedule has it."""
+    if key.endswith("flow_percent"):
+        return at_rest * (1.0 + change / 100.0)
+    return at_rest + (change / 100.0 if key == "humidity_percent" else change)
 
 
 def main() -> int:

@@ -11,7 +11,7 @@ import click
 
 from ac_common.faults import ISOLABLE, UNKNOWN, units
 from ac_common.fdi_status import StatusRow
-from ac_common.topics import JOINT_FIELD, NAMESPACE, TOPICS
+from ac_common.topics import JOINT_FIELD, NAMESPACE, SCALARS, TOPICS
 from ac_common.wire import pack_status, read_diagnostics
 from ac_ros_common.parameters import COMMON, Parameter
 from ac_ros_common.qos import DEADLINE_S, DEPTH
@@ -52,7 +52,7 @@ def topics_page() -> str:
             "",
             "## Fields",
             "",
-            "- `sensor_msgs/FluidPressure`: `fluid_pressure`; `sensor_msgs/Temperature`: `temperature`.",
+            f"- {'; '.join(f'`{name.replace("/msg/", "/")}`: `{scalar.field}`' for name, scalar in SCALARS.items())}.",
             "- `sensor_msgs/JointState`: `name` holds the joints of the table, in that order; the value of each is in",
             f"  one field ({joints}), the rest is NaN.",
             "- `diagnostic_msgs/DiagnosticArray` on `fdi/status`: one status; level 0: nothing is detected, level 1: a",

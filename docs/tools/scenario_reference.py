@@ -23,6 +23,7 @@ from ac_experiments.scenario_schema import (
     RamAir,
     References,
     Scenario,
+    SensorChoice,
     TargetsWithin,
 )
 
@@ -42,12 +43,13 @@ MEANING = {
     "duration_s": "simulated time",
     "sample_time_s": "sample time of the loop",
     "passive": "true: K0 alone, the compensator stays silent",
-    "sensors": "3: p_e, superheat and the wall thermocouple; 2: without the thermocouple, K0 alone (`passive: true`)",
+    "sensors": "3: p_e, superheat and the wall thermocouple; 2: without the thermocouple, K0 alone (`passive: true`); "
+    "a list says the same by name, and p_c besides: it is recorded, but the linear designs do not use it",
     "superheat_sensor": "direct: superheat is measured; derived: from an outlet thermocouple and the measured pressure",
     "controller": "tracking: K0 holds both references; paper: K0 after the paper's passive case, which leaves SH "
     "alone; a class of yours: see [your own controller](how-to/own-controller.md)",
     "references": "references of the controller; its protection raises those below 175 kPa or 8 K to that value",
-    "air": "the evaporator's air side",
+    "air": "the air at both heat exchangers",
     "faults": "a list of faults; the sum of those of one kind that overlap must stay within the limits of one",
     "noise": "the sensors' noise",
     "at_s": "when the change begins",
@@ -57,10 +59,15 @@ MEANING = {
     "superheat_k": "superheat",
     "mass_flow_percent": "air mass flow, per cent of the operating point's",
     "inlet_temperature_k": "air inlet temperature",
+    "condenser_mass_flow_percent": "air mass flow through the condenser, per cent of the operating point's",
+    "condenser_inlet_temperature_k": "temperature of the air into the condenser",
+    "humidity_percent": "relative humidity of the air into the evaporator, as it is; 0 to begin with",
     "drive_cycle": "a drive, whose ram air changes the air mass flow",
     "file": "vehicle speed over time: EPA's two columns, or CSV; the EPA publishes SC03 and others",
     "percent_at_top_speed": "ram air at the cycle's top speed; with the square of the speed below it",
+    "condenser": "true: ram air by the vehicle's speed on the condenser too, beside a fan at its high stage",
     "wall_temperature_k": "wall temperature",
+    "condenser_pressure_kpa": "condenser pressure",
     "kind": "which fault",
     "onset_s": "when it begins",
     "end_s": "when it goes away; left out: never",
@@ -98,8 +105,8 @@ def text() -> str:
     sections: tuple[tuple[str, str, type[BaseModel]], ...] = (
         ("Top level", "", Scenario),
         ("references", "Lists of changes from the operating point, each a mapping as below.", References),
-        ("air", "Lists of changes from the operating point.", Air),
-        ("air: drive cycle", "`{file: sc03.csv}`: a drive in place of changes of the air mass flow.", RamAir),
+        ("air", "Lists of changes from the operating point; the humidity is no change but a value.", Air),
+        ("air: drive cycle", "`{file: sc03.csv}`: a drive in place of changes of the air mass flows.", RamAir),
         ("A change", "`{at_s: 100, to: 5.0, ramp_s: 60}`", Change),
         *((f"faults: {fault.kind.replace('_', ' ')}", _remark(fault), FAULT_MODELS[fault.kind]) for fault in FAULTS),
         ("noise", "Standard deviations of Gaussian noise.", Noise),
@@ -140,8 +147,11 @@ def _allowed(field: FieldInfo) -> str:
     if get_origin(kind) is Literal:
         return ", ".join(f"`{value}`" for value in get_args(kind))
     for constraint in field.metadata:
-        if isinstance(name := getattr(constraint, "func", None), ControllerName):
+        name = getattr(constraint, "func", None)
+        if isinstance(name, ControllerName):
             return ", ".join([*(f"`{known}`" for known in name.names), name.otherwise])
+        if isinstance(name, SensorChoice):
+            return f"`2`, `3`, or a list out of {', '.join(f'`{known}`' for known in name.names)}"
     if get_origin(kind) is list:
         return ", ".join(["a list", *_bounds(field)])
     names: dict[Any, str] = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}

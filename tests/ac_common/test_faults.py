@@ -10,7 +10,7 @@ from ac_common.signals import Command, Measurement
 from ac_common.topics import BY_NAME, FDI, INJECTOR, SCENARIO, SERIES, residual_of, schedule_of, truth_of
 from fault_injector_node.injector import FaultInjector
 
-ACTUAL = (2.5e5, 20.0, 12.0)
+ACTUAL = (2.5e5, 20.0, 12.0, 1.3e6)
 COMMAND = (150.0, 0.4)
 
 

@@ -7,13 +7,13 @@ import pytest
 
 from ac_common.faults import FAULTS, KINDS
 from ac_common.fdi_status import StatusRow
-from ac_common.topics import BY_NAME, SERIES
+from ac_common.topics import AIR_SIDE, BY_NAME, SERIES
 from ac_common.units import KPA, RPM
 from ac_experiments.recording import Recording
 from ac_experiments.scenario import check, schedule
 from ac_experiments.scenario_schema import Scenario
 
-REST_INPUTS = np.array([1000.0 * RPM, 0.40, 0.10, 30.0])
+REST_INPUTS = np.array([1000.0 * RPM, 0.40, 0.10, 30.0, 0.55, 30.0, 0.0])
 REST_OUTPUTS = np.array([251.2 * KPA, 20.0, 15.0, 1.33e6])
 
 
@@ -37,15 +37,16 @@ def make_recording(scenario: Scenario, passive: bool = False) -> Recording:
     series["plant/evaporator_pressure"] = reference_p + bump
     series["plant/superheat"] = reference_sh - 0.5 * bump / KPA
     series["plant/wall_temperature"] = series["measured/wall_temperature"] = np.full_like(time_s, REST_OUTPUTS[2])
-    series["plant/condenser_pressure"] = np.full_like(time_s, REST_OUTPUTS[3])
+    series["plant/condenser_pressure"] = series["measured/condenser_pressure"] = np.full_like(time_s, REST_OUTPUTS[3])
     series["measured/evaporator_pressure"] = series["plant/evaporator_pressure"] + plan.faults[:, 1]
     series["measured/superheat"] = series["plant/superheat"]
     series["controller/command:compressor"] = command
     series["controller/command:expansion_valve"] = np.full_like(time_s, REST_INPUTS[1])
     series["actuator/command:compressor"] = command + plan.faults[:, 0]
     series["actuator/command:expansion_valve"] = series["controller/command:expansion_valve"]
-    series["scenario/air:evaporator_air"], series["scenario/air_inlet_temperature"] = plan.air.T
+    series |= dict(zip([BY_NAME[topic].series[0] for topic in AIR_SIDE], plan.air.T, strict=True))
     series["plant/air_inlet_temperature"] = series["scenario/air_inlet_temperature"]
+    series["plant/condenser_air_inlet_temperature"] = series["scenario/condenser_air_inlet_temperature"]
     lag = 1 - np.exp(-np.maximum(time_s[:, None] - np.array([_onset(scenario, kind) for kind in KINDS]), 0) / 10)
     for i, fault in enumerate(FAULTS):
         for topic in (BY_NAME[fault.truth_topic], BY_NAME[fault.schedule_topic]):

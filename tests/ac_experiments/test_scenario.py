@@ -15,9 +15,11 @@ from ac_common.units import KPA, RPM
 from ac_common.yaml_file import yaml_text
 from ac_experiments.scenario import built_in_scenarios, check, load, schedule, to_yaml
 from ac_experiments.scenario_schema import Scenario
+from ac_plant_node.inputs import INPUT_HIGH, INPUT_LOW
+from ac_plant_node.rest import rest_at
 from fault_injector_node.live import LiveFault, Shape
 
-INPUTS = np.array([104.7, 0.40, 0.10, 30.0])
+INPUTS = np.array([104.7, 0.40, 0.10, 30.0, 0.55, 30.0, 0.0])
 OUTPUTS = np.array([251.2e3, 20.0, 15.0, 1.33e6])
 
 
@@ -65,6 +67,20 @@ def test_a_drive_cycle_becomes_changes_of_the_air_flow(tmp_path: Path):
     expected = [1.0, 1.0, 1.0125, 1.025, 1.1, 1.1, 1.0, 1.0]
     np.testing.assert_allclose(flow[np.rint(np.array(time_s) / 0.1).astype(int)], expected)
     assert check(scenario.model_dump(mode="json")) == scenario  # what a recording keeps needs no file
+    assert scenario.air.condenser_mass_flow_percent == []
+
+
+def test_a_drive_cycle_can_be_ram_air_on_the_condenser_too(tmp_path: Path):
+    file = tmp_path / "drive.csv"
+    file.write_text("time_s,speed_m_s\n0,0\n1,0\n2,10\n3,20\n4,20\n5.3,0\n")
+    given = [f"air.drive_cycle.file={file}", "air.drive_cycle.condenser=true", "duration_s=450"]
+    air = schedule(load("sc03", given), INPUTS, OUTPUTS).air
+    flow = air[np.rint(np.array([0.0, 2.0, 3.0, 4.0, 5.3, 400.0]) / 0.1).astype(int), 2]
+    # Fan and ram air add as squares: 0.55 kg/s, and 1.16 kg/m3 * 0.24 m2 * 0.2 of the speed.
+    ram = 1.16 * 0.24 * 0.2 * np.array([0.0, 10.0, 20.0, 20.0, 0.0, 0.0])
+    np.testing.assert_allclose(flow, np.sqrt(0.55**2 + ram**2), rtol=1e-12)
+    both = [*given, "air.condenser_mass_flow_percent=[{at_s: 1, to: 2}]"]
+    assert "condenser_mass_flow_percent and drive_cycle both say" in error_of(*both, name="sc03")
 
 
 def test_without_its_file_a_drive_cycle_says_where_there_is_one():
@@ -101,6 +117,37 @@ def test_references_and_air_are_changes_from_the_operating_point():
     assert at(plan.air[:, 0], 29.9) == INPUTS[2]
     assert at(plan.air[:, 0], 30) == pytest.approx(0.8 * INPUTS[2])
     assert at(plan.air[:, 1], 40) == INPUTS[3] + 3.0
+    assert np.all(plan.air[:, 2:] == INPUTS[4:])
+
+
+@given(
+    targets=st.tuples(st.floats(-80.0, 170.0), st.floats(-30.0, 20.0), st.floats(0.0, 100.0)),
+    ramp_s=st.floats(0.0, 30.0),
+)
+def test_the_condensers_air_and_the_humidity_move_within_what_the_plant_takes(targets, ramp_s: float):
+    keys = ("condenser_mass_flow_percent", "condenser_inlet_temperature_k", "humidity_percent")
+    air = {key: [{"at_s": 10.0, "to": to, "ramp_s": ramp_s}] for key, to in zip(keys, targets, strict=True)}
+    played = schedule(check({"name": "moves", "duration_s": 50.0, "air": air}), INPUTS, OUTPUTS).air
+    assert np.all(played[:, :2] == INPUTS[2:4])
+    assert np.all(played[:100, 2:] == INPUTS[4:])
+    flow, inlet, humidity = targets
+    np.testing.assert_allclose(played[-1, 2:], [0.55 * (1.0 + flow / 100.0), 30.0 + inlet, humidity / 100.0], atol=1e-9)
+    assert np.all((INPUT_LOW[2:] - 1e-12 <= played) & (played <= INPUT_HIGH[2:] + 1e-12))
+
+
+@pytest.mark.parametrize("point", ["low", "med", "high"])
+def test_the_shipped_operating_points_have_the_air_that_the_limits_are_for(point: str):
+    assert np.all(rest_at(point)["inputs"][4:] == INPUTS[4:])
+
+
+def test_sensors_are_a_number_or_a_list():
+    for sensors, designs in (("3", 3), ("[p_e, superheat, T_w]", 3), ("[p_e, superheat, T_w, p_c]", 3)):
+        scenario = load("nominal", [f"sensors={sensors}"])
+        assert scenario.design_sensors == designs
+        assert check(scenario.model_dump(mode="json")) == scenario
+    for sensors in ("2", "[p_c, superheat, p_e]"):
+        assert load("nominal", [f"sensors={sensors}", "passive=true"]).design_sensors == 2
+        assert "needs passive: true" in error_of(f"sensors={sensors}")
 
 
 @pytest.mark.parametrize(
@@ -128,6 +175,12 @@ def test_references_and_air_are_changes_from_the_operating_point():
         ("noise.seed=1.5", ["noise.seed", "1.5", "integer"]),
         ("passive=3", ["passive", "3"]),
         ("name=../escape", ["name", "../escape"]),
+        ("sensors=4", ["sensors", "given 4", "2, 3 or a list"]),
+        ("sensors=[p_e, superheat, T_v]", ["sensors", "'T_v'", "did you mean 'T_w'"]),
+        ("sensors=[p_e, T_w]", ["sensors", "lacks superheat"]),
+        ("sensors=[p_e, superheat, p_e]", ["sensors", "twice"]),
+        ("air.humidity_percent=[{at_s: 1, to: 101}]", ["air.humidity_percent", "101", "0 to 100"]),
+        ("air.condenser_inlet_temperature_k=[{at_s: 1, to: 21}]", ["condenser_inlet_temperature_k", "-30 to 20"]),
         ("duration_s.x=1", ["duration_s", "nothing below"]),
         ("duration_s", ["KEY=VALUE"]),
         ("noise={seed: 1, seed: 2}", ["noise"]),

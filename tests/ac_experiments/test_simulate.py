@@ -6,12 +6,15 @@
 import numpy as np
 import pytest
 
-from ac_common.topics import SERIES
+from ac_common.signals import Performance
+from ac_common.topics import AIR_SIDE, BY_NAME, PERFORMANCE_SERIES, SERIES
 from ac_experiments.designs import designs_at
 from ac_experiments.metrics import summarise
 from ac_experiments.recording import Recording
+from ac_experiments.report.performance import figures, performance_of
 from ac_experiments.scenario import check, load
 from ac_experiments.simulate import simulate
+from ac_plant_node import Plant, load_parameters, operating_point
 
 
 @pytest.fixture(scope="module")
@@ -60,6 +63,87 @@ def test_the_loop_passes_each_signal_on():
     pressure = series["plant/evaporator_pressure"]
     assert np.abs(np.diff(pressure[: onset + 1])).max() < 1.0
     assert pressure[onset + 1] < pressure[onset] - 1.0
+
+
+def test_noise_on_the_condenser_pressure_leaves_the_other_noise_as_it_is():
+    noise = ["duration_s=60", "noise={evaporator_pressure_kpa: 0.2, superheat_k: 0.1, seed: 3}"]
+    without = simulate(load("nominal", noise)).series
+    series = simulate(load("nominal", [*noise, "noise.condenser_pressure_kpa=5"])).series
+    assert np.array_equal(without["measured/condenser_pressure"], without["plant/condenser_pressure"])
+    off = series["measured/condenser_pressure"] - series["plant/condenser_pressure"]
+    assert 4000.0 < np.std(off) < 6000.0
+    for key in set(SERIES) - {"measured/condenser_pressure"}:
+        assert np.array_equal(series[key], without[key]), key
+    # A sequence of its own, not a copy of another sensor's.
+    p_e = series["measured/evaporator_pressure"] - series["plant/evaporator_pressure"]
+    assert abs(np.corrcoef(off, p_e)[0, 1]) < 0.2
+
+
+@pytest.mark.parametrize(
+    ("key", "to", "higher"),
+    [
+        ("condenser_mass_flow_percent", -50.0, ["plant/condenser_pressure"]),
+        ("condenser_inlet_temperature_k", 10.0, ["plant/condenser_pressure", "plant/condenser_air_inlet_temperature"]),
+        # Water that condenses gives its heat, too: the compressor has more to do for the same pressure.
+        ("humidity_percent", 60.0, ["controller/command:compressor", "plant/condenser_pressure"]),
+    ],
+)
+def test_the_condensers_air_and_the_humidity_reach_the_plant(key: str, to: float, higher: list[str]):
+    changes = {key: [{"at_s": 20.0, "to": to, "ramp_s": 30.0}]}
+    series = simulate(check({"name": "moist", "duration_s": 200.0, "passive": True, "air": changes})).series
+    for signal in higher:
+        before, after = series[signal][190], series[signal][-1]
+        assert after > 1.02 * before, signal
+
+
+def test_the_performance_is_that_of_a_plant_with_the_same_inputs():
+    changes = {"humidity_percent": [{"at_s": 5.0, "to": 60.0, "ramp_s": 10.0}]}
+    series = simulate(check({"name": "moist", "duration_s": 60.0, "passive": True, "air": changes})).series
+    told = Performance(*[series[key] for key in PERFORMANCE_SERIES])
+    joints = ("compressor", "expansion_valve")
+    inputs = np.column_stack(
+        [
+            *(series[f"actuator/command:{joint}"] for joint in joints),
+            *(series[BY_NAME[topic].series[0]] for topic in AIR_SIDE),
+        ]
+    )
+    plant = Plant.at("med")
+    for k, held in enumerate(inputs):
+        out = plant.outputs
+        assert told.cooling[k] == out.cooling_power_w
+        assert told.latent_cooling[k] == out.latent_cooling_w
+        assert told.condensed_water[k] == out.condensed_water_kg_s
+        assert told.compressor_power[k] == out.compressor_power_w
+        assert told.vent_temperature[k] == out.air_outlet_temperature_c
+        assert told.subcooling[k] == out.subcooling_k
+        plant.step(held, 0.1)
+    dry = 30.0 - told.cooling[0] / (inputs[0, 2] * load_parameters()["air_cp_j_kgk"])
+    assert told.vent_temperature[0] == pytest.approx(dry)
+    # Latent heat of water at 0 to 30 degC: 2.43 to 2.50 MJ/kg.
+    assert 2.40e6 < told.latent_cooling[-1] / told.condensed_water[-1] < 2.52e6
+    mean = figures(performance_of(simulate(load("nominal", ["duration_s=60"]))))
+    rest = operating_point("med")
+    assert mean["cop"] == pytest.approx(rest.cop, rel=1e-6)
+    assert mean["sensible_cooling"] == pytest.approx(rest.cooling_power_w, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("key", "to", "isolated", "active_kpa"),
+    [
+        ("condenser_inlet_temperature_k", 10.0, {"compressor_speed", "evaporator_pressure"}, -1.8),
+        ("condenser_mass_flow_percent", -50.0, {"compressor_speed", "evaporator_pressure"}, -4.1),
+        ("humidity_percent", 50.0, {"evaporator_pressure"}, -9.7),
+    ],
+)
+def test_the_linear_designs_take_the_new_disturbances_for_faults(key, to, isolated, active_kpa):
+    """As the table in docs/plant.md says; a detector that knows of them is to do better."""
+    scenario = load("nominal", ["duration_s=400", f"air.{key}=[{{at_s: 50, to: {to}, ramp_s: 50}}]"])
+    for passive, expected in ((True, 0.0), (False, active_kpa)):
+        run = simulate(scenario, passive=passive)
+        assert {row.isolated for row in run.status} - {None} == isolated
+        assert summarise(run)["false_alarms"] > 0
+        error = run.series["plant/evaporator_pressure"][-1] - run.series["reference/evaporator_pressure"][-1]
+        assert error / 1e3 == pytest.approx(expected, abs=0.05)
 
 
 @pytest.mark.parametrize("passive", [False, True])

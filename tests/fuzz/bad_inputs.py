@@ -94,7 +94,7 @@ def read_override(file: Path) -> None:
 
 def _play(scenario: Any) -> None:
     short = scenario.model_copy(update={"duration_s": min(scenario.duration_s, 5.0)})
-    plan = schedule(short, np.array([100.0, 0.4, 0.1, 30.0]), np.array([2.5e5, 20.0, 15.0, 1.3e6]))
+    plan = schedule(short, np.array([100.0, 0.4, 0.1, 30.0, 0.55, 30.0, 0.0]), np.array([2.5e5, 20.0, 15.0, 1.3e6]))
     for array in (plan.reference, plan.air, plan.faults):
         assert np.isfinite(array).all(), "an accepted scenario gives numbers that are not finite"
 

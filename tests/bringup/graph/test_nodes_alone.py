@@ -69,7 +69,7 @@ def test_health_does_not_wait_by_the_wall_clock() -> None:
         ("fault_injector_node", "operating_point:=medium", "allowed: low, med, high"),
         ("fdi_node", "sample_time_s:=3.0", "sample_time_s"),
         ("fdi_node", "sample_time_s:=fast", "sample_time_s"),
-        ("fault_injector_node", "noise_std:=[1.0, 2.0]", "allowed: three numbers"),
+        ("fault_injector_node", "noise_std:=[1.0, 2.0]", "allowed: three or four numbers"),
         ("bringup.nodes.scenario", "scenario:=nominul", "nominal"),
         ("ac_plant_node", "mode:=realtme", "allowed: lockstep, realtime"),
     ],

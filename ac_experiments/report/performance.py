@@ -1,0 +1,65 @@
+"""What the plant makes of a run: cooling and its parts, water, the air of the vents, compressor power, COP."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from ac_common.signals import Performance
+from ac_common.topics import PERFORMANCE_SERIES
+from ac_experiments.metrics import WINDOW_S
+from ac_experiments.recording import Recording
+from ac_experiments.report.parts import Part, Table, Words, cell
+
+#: Rows of the table: key of `figures`, name, unit, SI of one unit, format.
+_ROWS = (
+    ("cooling", "Cooling", "kW", 1e3, ".3f"),
+    ("sensible_cooling", "Sensible cooling", "kW", 1e3, ".3f"),
+    ("latent_cooling", "Latent cooling: heat of the water that condenses", "kW", 1e3, ".3f"),
+    ("condensed_water", "Water that condenses", "kg/h", 1.0 / 3600.0, ".3f"),
+    ("vent_temperature", "Air behind the evaporator, at the vents", "°C", 1.0, ".2f"),
+    ("compressor_power", "Compressor power", "kW", 1e3, ".3f"),
+    ("cop", "COP: cooling over compressor power", "", 1.0, ".2f"),
+    ("subcooling", "Subcooling", "K", 1.0, ".2f"),
+)
+
+
+def performance_of(recording: Recording) -> dict[str, NDArray[np.float64]]:
+    """Return the fields of `ac_common.signals.Performance` of a run, each (ticks,), SI; {} where nobody has told."""
+    values = {
+        name: recording.series[key]
+        for name, key in zip(Performance._fields, PERFORMANCE_SERIES, strict=True)
+        if key in recording.series and np.isfinite(recording.series[key]).any()
+    }
+    return values if len(values) == len(Performance._fields) else {}
+
+
+def figures(values: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:
+    """Return the means of what `performance_of` returns, the sensible cooling, and the COP of the means."""
+    means = {name: float(np.nanmean(series)) for name, series in values.items()}
+    power = means["compressor_power"]
+    return means | {
+        "sensible_cooling": means["cooling"] - means["latent_cooling"],
+        "cop": means["cooling"] / power if power > 0.0 else np.nan,
+    }
+
+
+def performance_table(recording: Recording) -> list[Part]:
+    """Return the plant's performance over a run and at its end; nothing for a plant that does not tell it."""
+    values = performance_of(recording)
+    if not values:
+        return []
+    last = round(WINDOW_S / recording.metadata["sample_time_s"])
+    run, end = figures(values), figures({name: series[-last:] for name, series in values.items()})
+    rows = [
+        [name, unit, cell(run[key] / si, digits), cell(end[key] / si, digits)] for key, name, unit, si, digits in _ROWS
+    ]
+    seconds = len(recording.time_s) * recording.metadata["sample_time_s"]
+    energy = Words(
+        f"Energy over the run: {run['cooling'] * seconds / 3.6e6:.3f} kWh of cooling for "
+        f"{run['compressor_power'] * seconds / 3.6e6:.3f} kWh of compressor work.",
+        "note",
+    )
+    heads: list[str | Markup] = ["Means", "Unit", "Whole run", f"Last {WINDOW_S:g} s"]
+    return [Table(heads, rows), energy]
