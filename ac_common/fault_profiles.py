@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-PROFILES = ("step", "ramp", "sine", "drift", "intermittent", "random_walk")
+PROFILES = ("step", "ramp", "sine", "drift", "intermittent", "random_walk", "noise")
 
 #: Which extra key each profile takes (all of them take onset and end).
 PROFILE_KEYS: dict[str, tuple[str, ...]] = {
@@ -18,6 +18,7 @@ PROFILE_KEYS: dict[str, tuple[str, ...]] = {
     "drift": ("time_constant_s",),
     "intermittent": ("period_s", "duty_percent"),
     "random_walk": ("time_constant_s", "seed"),
+    "noise": ("seed",),
 }
 
 
@@ -50,7 +51,7 @@ def grown(
     Raises
     ------
     ValueError
-        When `profile` is not one of `PROFILES` that time alone decides: all but ``random_walk``.
+        When `profile` is not one of `PROFILES` that time alone decides: all but ``random_walk`` and ``noise``.
     """
     if profile == "step":
         return np.ones_like(since_s)
@@ -90,6 +91,7 @@ def unit_profile(
         ``intermittent``: 1 during the first `duty_percent` of every `period_s`, else 0 (a loose contact); see
         `is_there`.
         ``random_walk``: Gaussian steps, standard deviation 1 after `time_constant_s`, from `seed`.
+        ``noise``: white Gaussian, standard deviation 1, from `seed`.
     onset_s, end_s
         The fault is 0 before `onset_s` and from `end_s` on (None: it stays).
 
@@ -108,6 +110,8 @@ def unit_profile(
         tick_s = time_s[1] - time_s[0] if len(time_s) > 1 else 0.0
         steps = np.random.default_rng(seed).normal(size=len(time_s)) * np.sqrt(tick_s / time_constant_s)
         shape = np.cumsum(np.where(since > 0.0, steps, 0.0))
+    elif profile == "noise":
+        shape = np.random.default_rng(seed).normal(size=len(time_s))
     else:
         times = {"rise_s": rise_s, "period_s": period_s, "time_constant_s": time_constant_s}
         shape = grown(since, profile, **times, duty_percent=duty_percent)

@@ -8,9 +8,10 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
+from typing import Any
 
 from ac_common.signals import Command, Measurement
-from ac_common.units import KPA, RPM
+from ac_common.units import KG_H, KPA, PERCENT, RPM
 
 
 class Place(Enum):
@@ -20,6 +21,8 @@ class Place(Enum):
     """to a joint of the command, on its way to the plant"""
     SENSOR = "sensor"
     """to a reading, on its way from the plant"""
+    PLANT = "plant"
+    """to nothing: a component of the plant is faulty, or the sensor of what the plant reports by itself"""
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,8 @@ class Fault:
         As in formulas: ``f_N``.
     place : Place
     signal : str
-        The field of `Command` (for an actuator) or `Measurement` (for a sensor) to which it is added.
+        The field of `Command` (for an actuator) or `Measurement` (for a sensor) to which it is added; of the plant its
+        kind, which is its joint of ``component/faults``.
     unit, si : str, float
         Unit for people, and how much of SI one of it is.
     si_unit : str
@@ -52,6 +56,10 @@ class Fault:
         What a positive size does, for the reference of scenario files.
     has_filter : bool
         Whether a row of the isolation filter H estimates it: only then it can be told from others by its name.
+    is_loss : bool
+        Whether its size cannot be negative.
+    default : float, optional
+        Size in `unit` where a scenario gives none; without it the size is required.
     """
 
     kind: str
@@ -71,11 +79,25 @@ class Fault:
     less: str
     adds: str
     has_filter: bool
+    is_loss: bool = False
+    default: float | None = None
 
     @property
     def index(self) -> int:
-        """Index of the signal to which it is added, in `Command` or `Measurement`."""
+        """Index of its signal in `Command` or `Measurement`, or, for one of the plant, its own in `COMPONENTS`."""
+        if self.place is Place.PLANT:
+            return COMPONENTS.index(self)
         return (Command if self.place is Place.ACTUATOR else Measurement)._fields.index(self.signal)
+
+    @property
+    def lowest(self) -> float:
+        """Smallest size, in `unit`."""
+        return 0.0 if self.is_loss else -self.largest
+
+    @property
+    def lowest_si(self) -> float:
+        """Smallest size in SI."""
+        return self.lowest * self.si
 
     @property
     def largest_si(self) -> float:
@@ -94,6 +116,11 @@ class Fault:
         return f"size_{self.si_unit.lower().replace('/', '_')}"
 
     @property
+    def lowest_live_si(self) -> float:
+        """Smallest size of a live fault, SI."""
+        return 0.0 if self.is_loss else -self.largest_live_si
+
+    @property
     def residual_symbol(self) -> str:
         """Symbol of its residual: ``r_N``."""
         return f"r{self.symbol[1:]}"
@@ -104,14 +131,23 @@ class Fault:
         return f"fault/{self.kind}"
 
     @property
-    def schedule_topic(self) -> str:
-        """Topic of what the scenario wants to be injected."""
-        return f"scenario/fault/{self.kind}"
-
-    @property
     def residual_topic(self) -> str:
         """Topic of its estimate, where a filter makes one."""
         return f"fdi/residual/{self.kind}"
+
+
+def _component(kind: str, symbol: str, largest: float, typical: float, **words: Any) -> Fault:
+    """Return a fault of a component: a share that is lost unless it is said otherwise."""
+    share: dict[str, Any] = {
+        "unit": "%",
+        "si": PERCENT,
+        "si_unit": "share",
+        "size_key": "size_percent",
+        "is_loss": True,
+        "less": "",
+    }
+    about = share | {"place": Place.PLANT, "signal": kind, "has_filter": False} | words
+    return Fault(kind=kind, symbol=symbol, largest=largest, typical=typical, **about)
 
 
 #: All faults. Their order is that of every array of faults; those with a filter come in the order of the rows of H.
@@ -173,13 +209,165 @@ FAULTS: tuple[Fault, ...] = (
         adds="added to the measured superheat",
         has_filter=False,
     ),
+    Fault(
+        kind="wall_temperature_sensor",
+        symbol="f_Tw",
+        place=Place.SENSOR,
+        signal="wall_temperature",
+        unit="K",
+        si=1.0,
+        si_unit="K",
+        size_key="size_k",
+        largest=20.0,
+        typical=3.0,
+        name="wall temperature sensor",
+        subject="the sensor of the wall temperature",
+        verb="read",
+        more="too high",
+        less="too low",
+        adds="added to the measured wall temperature",
+        has_filter=False,
+    ),
+    _component(
+        "valve_offset",
+        "f_v",
+        100.0,
+        5.0,
+        name="expansion valve's position",
+        subject="the expansion valve",
+        verb="open",
+        more="more than commanded",
+        less="less than commanded",
+        adds="added to the opening, up to the stops",
+        is_loss=False,
+    ),
+    _component(
+        "compressor_displacement",
+        "f_Vd",
+        100.0,
+        10.0,
+        name="compressor's displacement",
+        subject="the compressor",
+        verb="lose",
+        more="of its displacement",
+        adds="share of the displacement that is lost",
+    ),
+    _component(
+        "isentropic_efficiency",
+        "f_eta",
+        50.0,
+        10.0,
+        name="compressor's isentropic efficiency",
+        subject="the compressor",
+        verb="lose",
+        more="of its isentropic efficiency",
+        adds="share of the isentropic efficiency that is lost",
+    ),
+    _component(
+        "refrigerant_leak",
+        "f_leak",
+        5.0,
+        0.5,
+        name="refrigerant circuit",
+        subject="the refrigerant circuit",
+        verb="leak",
+        more="behind the condenser",
+        adds="refrigerant that leaves behind the condenser, until a fifth of the charge is left",
+        unit="kg/h",
+        si=KG_H,
+        si_unit="kg/s",
+        size_key="size_kg_h",
+    ),
+    _component(
+        "condenser_fouling",
+        "f_cf",
+        100.0,
+        30.0,
+        name="condenser's surface",
+        subject="the condenser",
+        verb="lose",
+        more="of its air-side conductance",
+        adds="share of the condenser's air-side conductance that is lost",
+    ),
+    _component(
+        "condenser_fan",
+        "f_fan",
+        100.0,
+        50.0,
+        name="condenser's fan",
+        subject="the condenser",
+        verb="lose",
+        more="of its air flow",
+        adds="share of the condenser's air flow that is lost; 0.1 kg/s stay in any case",
+        default=100.0,
+    ),
+    _component(
+        "evaporator_fouling",
+        "f_ef",
+        100.0,
+        30.0,
+        name="evaporator's surface",
+        subject="the evaporator",
+        verb="lose",
+        more="of its air-side conductance",
+        adds="share of the evaporator's air-side conductance that is lost",
+    ),
+    _component(
+        "valve_stuck",
+        "f_stuck",
+        100.0,
+        100.0,
+        name="expansion valve's motor",
+        subject="the expansion valve",
+        verb="stick",
+        more="where it is",
+        adds="any size above zero: the valve stays where it is",
+        default=100.0,
+    ),
+    _component(
+        "valve_slow",
+        "f_slow",
+        60.0,
+        10.0,
+        name="expansion valve's speed",
+        subject="the expansion valve",
+        verb="lag",
+        more="behind its command",
+        adds="time constant with which the valve follows its command",
+        unit="s",
+        si=1.0,
+        si_unit="s",
+        size_key="size_s",
+    ),
+    _component(
+        "air_inlet_sensor",
+        "f_Ta",
+        20.0,
+        3.0,
+        name="air inlet sensor",
+        subject="the sensor of the air's inlet temperature",
+        verb="read",
+        more="too high",
+        less="too low",
+        adds="added to what the plant reports as the evaporator's inlet air",
+        unit="K",
+        si=1.0,
+        si_unit="K",
+        size_key="size_k",
+        is_loss=False,
+    ),
 )
 
 #: Names of all faults, in their order.
 KINDS: tuple[str, ...] = tuple(fault.kind for fault in FAULTS)
 #: Those that a filter estimates: in the order of every array of residuals and thresholds.
 ISOLABLE: tuple[Fault, ...] = tuple(fault for fault in FAULTS if fault.has_filter)
+#: The others.
+UNFILTERED: tuple[Fault, ...] = tuple(fault for fault in FAULTS if not fault.has_filter)
 ISOLABLE_KINDS: tuple[str, ...] = tuple(fault.kind for fault in ISOLABLE)
+#: Those of the plant, in the order of the joints of ``component/faults``: first those of `ac_plant_node.inputs.FAULTS`.
+COMPONENTS: tuple[Fault, ...] = tuple(fault for fault in FAULTS if fault.place is Place.PLANT)
+COMPONENT_KINDS: tuple[str, ...] = tuple(fault.kind for fault in COMPONENTS)
 BY_KIND: dict[str, Fault] = {fault.kind: fault for fault in FAULTS}
 
 #: What a fault is isolated as when it is certainly there and none that a filter is for.

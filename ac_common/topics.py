@@ -4,10 +4,18 @@ The topics of faults come from `ac_common.faults`. Nothing here imports ROS, so 
 start fast. How to add a topic: `docs/how-to/new-topic.md`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from ac_common.faults import BY_KIND, FAULTS, ISOLABLE, Fault, Place
+from ac_common.faults import (
+    BY_KIND,
+    COMPONENT_KINDS,
+    FAULTS,
+    ISOLABLE,
+    KINDS,
+    Fault,
+    Place,
+)
 from ac_common.signals import Performance
 
 NAMESPACE = "/ac"
@@ -24,8 +32,8 @@ VALVE = "expansion_valve"
 AIR = "evaporator_air"
 CONDENSER_AIR = "condenser_air"
 
-#: The field of a JointState in which a joint's value travels: speeds and flows are velocities, openings positions, heat
-#: flows and powers efforts.
+#: The field of a JointState in which a joint's value travels: speeds and flows are velocities, openings and the
+#: sizes of faults positions, heat flows and powers efforts.
 JOINT_FIELD = {
     COMPRESSOR: "velocity",
     VALVE: "position",
@@ -35,7 +43,7 @@ JOINT_FIELD = {
     "latent_cooling": "effort",
     "condensed_water": "velocity",
     "compressor_power": "effort",
-}
+} | dict.fromkeys(KINDS, "position")
 
 #: Unit of a joint's value.
 JOINT_UNIT = {
@@ -47,7 +55,7 @@ JOINT_UNIT = {
     "latent_cooling": "W",
     "condensed_water": "kg/s",
     "compressor_power": "W",
-}
+} | {fault.kind: fault.si_unit for fault in FAULTS}
 
 # Names of the nodes, as in `ros2 node list`.
 PLANT, INJECTOR, FDI, COMPENSATOR, CONTROLLER = "ac_plant", "fault_injector", "fdi", "compensator", "gimc_controller"
@@ -66,7 +74,7 @@ JOINT_SPAN = {
     "latent_cooling": (-5.0e4, 5.0e4),
     "condensed_water": (0.0, 5.0),
     "compressor_power": (-5.0e4, 5.0e4),
-}
+} | {fault.kind: (fault.lowest_live_si, fault.largest_live_si) for fault in FAULTS}
 
 
 class Scalar(NamedTuple):
@@ -105,6 +113,8 @@ class Topic:
         Whether its values may have either sign.
     in_kelvin : bool
         Whether a temperature is a difference in K, and not in degC.
+    silent_at_zero : bool
+        Whether it has no message in ticks in which it is zero, but for the first of these. Nobody waits for it.
     """
 
     name: str
@@ -116,6 +126,7 @@ class Topic:
     frame: str = ""
     is_difference: bool = False
     in_kelvin: bool = False
+    silent_at_zero: bool = False
 
     @property
     def unit(self) -> str:
@@ -153,10 +164,17 @@ _READINGS = {
 
 def _of_fault(fault: Fault, name: str, meaning: str, publisher: str, *subscribers: str) -> Topic:
     """Return a topic that carries the size of a fault, in the type of what it is added to."""
+    if fault.place is Place.PLANT:
+        return Topic(name, JOINTS, meaning, publisher, subscribers, (fault.kind,))
     if fault.place is Place.ACTUATOR:
         return Topic(name, JOINTS, meaning, publisher, subscribers, (fault.signal,), is_difference=True)
     type_, frame, in_kelvin = _READINGS[fault.signal]
     return Topic(name, type_, meaning, publisher, subscribers, (), frame, is_difference=True, in_kelvin=in_kelvin)
+
+
+def _truth(fault: Fault) -> Topic:
+    meaning = f"{fault.symbol}, the truth: for evaluation only, no node of the loop reads it"
+    return replace(_of_fault(fault, fault.truth_topic, meaning, INJECTOR), silent_at_zero=not fault.has_filter)
 
 
 TOPICS: tuple[Topic, ...] = (
@@ -284,12 +302,17 @@ TOPICS: tuple[Topic, ...] = (
         (PLANT,),
         frame="evaporator_air",
     ),
-    *(
-        _of_fault(fault, fault.schedule_topic, f"{fault.symbol} that the scenario wants", SCENARIO, INJECTOR)
-        for fault in FAULTS
-    ),
+    Topic("scenario/faults", JOINTS, "sizes of all faults that the scenario wants", SCENARIO, (INJECTOR,), KINDS),
     Topic("controller/command", JOINTS, "u, within its limits", CONTROLLER, (INJECTOR, FDI), _ACTUATORS),
     Topic("actuator/command", JOINTS, "what reaches the plant: u with f_N", INJECTOR, (PLANT,), _ACTUATORS),
+    Topic(
+        "component/faults",
+        JOINTS,
+        "faults of components that the plant is to have",
+        INJECTOR,
+        (PLANT,),
+        COMPONENT_KINDS,
+    ),
     Topic(
         "fdi/innovation/evaporator_pressure",
         PRESSURE,
@@ -325,16 +348,11 @@ TOPICS: tuple[Topic, ...] = (
     ),
     Topic("fdi/status", DIAGNOSTICS, "detected, isolated fault, size, onset, thresholds", FDI, (COMPENSATOR,)),
     Topic("compensator/q", JOINTS, "q = Q f_e", COMPENSATOR, (CONTROLLER,), _ACTUATORS, is_difference=True),
-    *(
-        _of_fault(
-            fault,
-            fault.truth_topic,
-            f"{fault.symbol}, the truth: for evaluation only, no node of the loop reads it",
-            INJECTOR,
-        )
-        for fault in FAULTS
-    ),
+    *map(_truth, FAULTS),
 )
+
+#: Topics that have a message in every tick.
+TICKED: tuple[Topic, ...] = tuple(topic for topic in TOPICS if not topic.silent_at_zero)
 
 #: Topics that are silent while all is well. In no tick anyone waits for them.
 OCCASIONAL: tuple[Topic, ...] = (
@@ -379,7 +397,7 @@ def truth_of(kind: str) -> str:
 
 def schedule_of(kind: str) -> str:
     """Return the key in `SERIES` of a fault as the scenario wants it."""
-    return BY_NAME[BY_KIND[kind].schedule_topic].series[0]
+    return f"scenario/faults:{kind}"
 
 
 def residual_of(kind: str) -> str:

@@ -6,3 +6,7 @@ import math
 RPM = 2.0 * math.pi / 60.0
 #: One kilopascal in Pa.
 KPA = 1000.0
+#: One per cent.
+PERCENT = 0.01
+#: One kilogram per hour in kg/s.
+KG_H = 1.0 / 3600.0

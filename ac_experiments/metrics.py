@@ -194,7 +194,8 @@ def _scheduled(recording: Recording) -> list[InjectedFault]:
             kind=fault["kind"],
             onset_s=float(fault["onset_s"]),
             end_s=math.nan if fault.get("end_s") is None else float(fault["end_s"]),
-            size=float(fault[BY_KIND[fault["kind"]].size_key]) * BY_KIND[fault["kind"]].si,
+            size=float(fault.get(BY_KIND[fault["kind"]].size_key, BY_KIND[fault["kind"]].default))
+            * BY_KIND[fault["kind"]].si,
         )
         for fault in recording.metadata["scenario"].get("faults", [])
         if fault["onset_s"] <= recording.time_s[-1]

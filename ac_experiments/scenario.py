@@ -80,7 +80,7 @@ def schedule(scenario: Scenario, inputs: NDArray[np.float64], outputs: NDArray[n
 def _of_kind(scenario: Scenario, kind: Fault, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the sum of all faults of a kind over time, (K,), SI; limited, since a random walk goes anywhere."""
     faults = (fault.over(time_s) for fault in scenario.faults if fault.fault is kind)
-    return np.clip(sum(faults, start=np.zeros_like(time_s)), -kind.largest_si, kind.largest_si)
+    return np.clip(sum(faults, start=np.zeros_like(time_s)), kind.lowest_si, kind.largest_si)
 
 
 def _moves(time_s: NDArray[np.float64], changes: Sequence[Change]) -> NDArray[np.float64]:

@@ -91,7 +91,7 @@ class RamAir(_Part):
     condenser: bool = False
 
     def changes(self) -> dict[str, Moves]:
-        """Return the drive as changes of the air flows, by key, one for each line of its file in which something changes.
+        """Return the drive as changes of the air flows, by key, one for each line of its file that changes something.
 
         Raises
         ------
@@ -155,7 +155,7 @@ class ScheduledFault(_Part):
 
     onset_s: float = Field(ge=0.0)
     end_s: float | None = None
-    profile: Literal["step", "ramp", "sine", "drift", "intermittent", "random_walk"] = "step"
+    profile: Literal["step", "ramp", "sine", "drift", "intermittent", "random_walk", "noise"] = "step"
     rise_s: float | None = Field(default=None, ge=SHORTEST_S)
     period_s: float | None = Field(default=None, ge=SHORTEST_S)
     time_constant_s: float | None = Field(default=None, ge=SHORTEST_S)
@@ -192,7 +192,8 @@ class ScheduledFault(_Part):
 
 def _model_of(fault: Fault) -> type[ScheduledFault]:
     """Return the part of a scenario file that describes a fault of this kind."""
-    size = (float, Field(ge=-fault.largest, le=fault.largest))
+    default = ... if fault.default is None else fault.default
+    size = (float, Field(default=default, ge=fault.lowest, le=fault.largest))
     fields: dict[str, Any] = {"kind": (Literal[fault.kind], ...), fault.size_key: size}
     return create_model(fault.kind, __base__=ScheduledFault, **fields)
 

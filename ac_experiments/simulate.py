@@ -1,7 +1,8 @@
 """The whole loop in one process, without ROS: the same step functions as the nodes, in the order of one tick.
 
-Tick k: plant outputs -> injector (sensor faults, noise) -> detector -> compensator -> controller -> injector (actuator
-faults) -> plant. The graph of processes calls exactly these functions in this order, so both give the same numbers.
+Tick k: plant outputs -> injector (sensor faults, noise) -> detector -> compensator -> controller -> injector (faults of
+actuators and components) -> plant. The graph of processes calls exactly these functions in this order, so both give the
+same numbers.
 """
 
 import time
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.errors import RunError
-from ac_common.faults import ISOLABLE_KINDS, KINDS
+from ac_common.faults import COMPONENT_KINDS, ISOLABLE_KINDS, KINDS
 from ac_common.fdi_status import StatusRow
 from ac_common.health import AS_USUAL
 from ac_common.signals import Innovation, Measurement, PlantOutput, Reference, topics_of
@@ -52,7 +53,9 @@ _MADE = (
     *(f"compensator/q:{joint}" for joint in _ACTUATORS),
     *(f"controller/command:{joint}" for joint in _ACTUATORS),
     *(f"actuator/command:{joint}" for joint in _ACTUATORS),
+    *BY_NAME["component/faults"].series,
 )
+_INLET_SENSOR = COMPONENT_KINDS.index("air_inlet_sensor")
 
 
 def simulate(
@@ -137,7 +140,7 @@ class _Loop:
     def __init__(self, scenario: Scenario, designs: Designs, *, accommodate: bool) -> None:
         # Imported here: these compile or load designs, and the command line must answer --help at once.
         from ac_plant_node import Plant, operating_point
-        from fault_injector_node.injector import FaultInjector
+        from fault_injector_node.injector import FaultInjector, components
         from fdi_node import FaultDetector
         from gimc_controller_node import Compensator
         from gimc_controller_node.making import make_controller
@@ -151,6 +154,7 @@ class _Loop:
         self._plant = Plant.at(scenario.operating_point)
         self._inputs, self._reading = self._plant.inputs, np.empty(len(Innovation._fields))
         self.schedule = schedule(scenario, self._inputs, rest.outputs)
+        self._components_of = components
         self._injector = FaultInjector(scenario.noise.std, scenario.noise.seed, scenario.superheat_sensor)
         self._detector = FaultDetector(designs.fdi)
         self._compensator = Compensator(designs.compensator, accommodate=accommodate)
@@ -158,11 +162,12 @@ class _Loop:
         self._outputs: list[float] = rest.outputs.tolist()
         # The plant reports the inlet temperatures that acted until now: those held over the sample just past.
         self._air_inlet_c, self._condenser_inlet_c = float(self._inputs[3]), float(self._inputs[5])
+        self._components = (0.0,) * len(COMPONENT_KINDS)
         self._does = {COMPENSATOR: "", CONTROLLER: ""}
 
     def tick(self, time_s: float, reference: NDArray[np.float64], faults: Sequence[float]) -> tuple[float, ...]:
         """Go around the loop once; return the values of `_MADE`."""
-        outputs, air_inlet_c = self._outputs, self._air_inlet_c
+        outputs, air_inlet_c = self._outputs, self._air_inlet_c + self._components[_INLET_SENSOR]
         measured = self._injector.measure(outputs, faults)
         readings = measured[:3]  # those that the designs use
         found = self._detector.observe(time_s, readings, air_inlet_c)
@@ -179,10 +184,14 @@ class _Loop:
         commanded = command.tolist()
         actuator = self._injector.actuate(commanded, faults)
         self._inputs[0], self._inputs[1] = actuator
+        sizes = self._components_of(faults)
+        if sizes != self._components:
+            self._components = sizes
+            self._plant.hold_faults(sizes[:_INLET_SENSOR])
         self.status.append(found.status(time_s))
         seen = (*measured, *found.innovation, *found.residual)
         told = (air_inlet_c, self._condenser_inlet_c, *self._plant.performance)
-        return (*outputs, *told, *seen, *q.tolist(), *commanded, *actuator)
+        return (*outputs, *told, *seen, *q.tolist(), *commanded, *actuator, *sizes)
 
     def advance(self, air: Sequence[float]) -> None:
         """Let the plant run on to the next tick with the actuators as they are; raises ValueError when it cannot."""

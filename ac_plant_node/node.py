@@ -1,21 +1,25 @@
 """Node `ac_plant`: the nonlinear plant, which also provides the clock of the loop.
 
-lockstep: tick k+1 begins when the command and the air side of tick k have arrived; stamps count from 0 and are
-published on `/clock`. realtime: tick k+1 begins by the wall clock, whose time the stamps carry. A command that has not
-come by then counts as a missed tick, and the previous one is held (zero-order hold) for at most `command_hold_s`; then
-the actuators go to the operating point's command. A plant that was stopped steps over the missed ticks without
-publishing them.
+lockstep: tick k+1 begins when the command, the air side and, where it waits for them, the components' faults of tick k
+have arrived; stamps count from 0 and are published on `/clock`. realtime: tick k+1 begins by the wall clock, whose time
+the stamps carry. A command that has not come by then counts as a missed tick, and the previous one is held (zero-order
+hold) for at most `command_hold_s`; then the actuators go to the operating point's command. A plant that was stopped
+steps over the missed ticks without publishing them.
+
+The inlet temperature that is published is the car's reading of it, so a fault of that sensor is added here.
 """
 
 import math
 import sys
 import time
 from collections import deque
-from typing import Any, Protocol
+from collections.abc import Sequence
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ac_common.faults import COMPONENT_KINDS
 from ac_common.health import PlantReport
 from ac_common.safe_command import COMMAND_HOLD_S, CommandHold
 from ac_common.signals import Performance
@@ -36,8 +40,15 @@ PARAMETERS = (
         0.0,
         60.0,
     ),
+    Parameter(
+        "component_faults",
+        False,
+        "lockstep: whether each tick waits for `component/faults`, not only takes them",
+    ),
     Parameter("ticks", 0, "stop after this many ticks; 0: never", low=0, high=2**31 - 1),
 )
+NO_FAULTS = (0.0,) * len(COMPONENT_KINDS)
+INLET_SENSOR = COMPONENT_KINDS.index("air_inlet_sensor")
 #: A command that is later than this is not counted in the latencies any more.
 MOST_LATE_TICKS = 1000
 #: A wake-up that is late by more than this share of the sample time is counted.
@@ -67,6 +78,14 @@ class Model(Protocol):
         ndarray, shape (4,)
             Evaporator pressure [Pa], superheat [K], wall temperature [degC], condenser pressure [Pa].
         """
+
+
+@runtime_checkable
+class FaultyModel(Model, Protocol):
+    """A model whose components can be faulty."""
+
+    def hold_faults(self, sizes: Sequence[float]) -> None:
+        """Have the faults of `ac_plant_node.inputs.FAULTS` from now on, SI."""
 
 
 class PlantNode(LoopNode):
@@ -116,11 +135,16 @@ class PlantNode(LoopNode):
         self._published_s.clear()
         if not self._realtime:
             self.add_output(Topic("clock", CLOCK, "simulated time", PLANT), "/clock")
+        self._faults: tuple[float, ...] = NO_FAULTS
+        faults = "component/faults"
+        waits = not self._realtime and self.value("component_faults")
+        if not waits:
+            self.on_tick((faults,), self._broken)
         if self._realtime:
             self.on_tick(AIR_SIDE, self._ventilated, holds_s=dict.fromkeys(AIR_SIDE, math.inf))
             self.on_tick(("actuator/command",), self._commanded)
         else:
-            self.on_tick(("actuator/command", *AIR_SIDE), self._commanded)
+            self.on_tick(("actuator/command", *AIR_SIDE, *((faults,) if waits else ())), self._commanded)
 
     def started(self) -> None:
         """Publish the first tick."""
@@ -157,7 +181,7 @@ class PlantNode(LoopNode):
         self.send(time_ns, "plant/evaporator_pressure", p_e)
         self.send(time_ns, "plant/superheat", superheat)
         self.send(time_ns, "plant/wall_temperature", wall)
-        self.send(time_ns, "plant/air_inlet_temperature", float(self._held[3]))
+        self.send(time_ns, "plant/air_inlet_temperature", float(self._held[3]) + self._faults[INLET_SENSOR])
         self.send(time_ns, "plant/condenser_pressure", p_c)
         self.send(time_ns, "plant/condenser_air_inlet_temperature", float(self._held[5]))
         *joints, vent, subcooling = getattr(self._plant, "performance", _UNTOLD)
@@ -170,7 +194,10 @@ class PlantNode(LoopNode):
         tick, rest = divmod(time_ns - self._first_ns, self._tick_ns)
         if rest or tick not in self._published_s or self._finished:
             return
-        self._held[: len(values)] = values
+        told = values[: len(self._held)]
+        self._held[: len(told)] = told
+        if len(values) > len(told):
+            self._broken(time_ns, *values[len(told) :])
         self._hold.commanded(values[:2])
         self._commanded_tick = tick
         self._latencies.add(time.monotonic() - self._published_s.pop(tick))
@@ -185,6 +212,14 @@ class PlantNode(LoopNode):
     def _ventilated(self, time_ns: int, *values: float) -> None:  # noqa: ARG002
         """Hold the air side from now on."""
         self._held[2:] = values
+
+    def _broken(self, time_ns: int, *sizes: float) -> None:  # noqa: ARG002
+        """Have these faults from now on."""
+        if sizes == self._faults:
+            return
+        self._faults = sizes
+        if isinstance(self._plant, FaultyModel):
+            self._plant.hold_faults(sizes[:INLET_SENSOR])
 
     def on_deadline(self) -> None:
         """Begin the next tick of the wall clock with the newest command."""

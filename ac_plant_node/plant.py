@@ -1,7 +1,7 @@
 """The plant as an object: starts at an operating point, steps with inputs held, has outputs and balances."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 
@@ -13,7 +13,18 @@ from ac_plant_node.dynamics import balances, integrator, workspace
 from ac_plant_node.dynamics.drive import OPENING, VALVE, default_held, outlet_air
 from ac_plant_node.dynamics.moist_air import relative_humidity
 from ac_plant_node.equilibrium import OperatingPoint, operating_point
-from ac_plant_node.inputs import INPUT_HIGH, INPUT_LOW, INPUTS, N_INPUTS, N_PAPER, N_PHYSICS, TO_SI, fault_vector
+from ac_plant_node.inputs import (
+    FAULT_HIGH,
+    FAULT_LOW,
+    INPUT_HIGH,
+    INPUT_LOW,
+    INPUTS,
+    N_INPUTS,
+    N_PAPER,
+    N_PHYSICS,
+    TO_SI,
+    fault_vector,
+)
 from ac_plant_node.parameters.file import load_parameters
 from ac_plant_node.parameters.values import Parameters
 from ac_plant_node.properties.tables import load_tables
@@ -204,7 +215,11 @@ class Plant:
         UserError
             One line: a kind that is not known, or a size outside its range.
         """
-        faults = fault_vector(sizes)
+        self.hold_faults(fault_vector(sizes))
+
+    def hold_faults(self, sizes: Sequence[float] | NDArray[np.float64]) -> None:
+        """Do as `set_faults`, with SI sizes (N_FAULTS,) in the order of `FAULTS`; those out of range are clipped."""
+        faults = np.clip(sizes, FAULT_LOW, FAULT_HIGH)
         if self._actuator is None:
             self._position = float(self._work.held[OPENING])
         self._told[N_INPUTS:] = faults[:N_PHYSICS]

@@ -2,6 +2,7 @@
 
     actual  -> [+ noise] -> [+ sensor faults] -> [derived superheat] -> measured
     command -> [+ actuator faults] -> [not below zero] -> actuator
+    components' faults -> [within their limits] -> plant
 
 The superheat is measured by itself (the paper), or, as in a car, derived from an outlet thermocouple and the pressure
 that is *measured*: `SH = T_out - T_sat(p_e)`, so what is wrong with the pressure is wrong with the superheat as well.
@@ -12,12 +13,15 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ac_common.faults import Place, faults_at
+from ac_common.faults import FAULTS, Place, faults_at
 from ac_common.signals import Command, Measurement
 
 Vector = NDArray[np.float64]
 
 _TICKS_AT_ONCE = 200
+_COMPONENTS = tuple(
+    (number, fault.lowest_si, fault.largest_si) for number, fault in enumerate(FAULTS) if fault.place is Place.PLANT
+)
 _SENSOR_FAULTS, _ACTUATOR_FAULTS = faults_at(Place.SENSOR), faults_at(Place.ACTUATOR)
 
 
@@ -100,6 +104,17 @@ class FaultInjector:
         for fault, joint in _ACTUATOR_FAULTS:
             actuator[joint] = max(actuator[joint] + faults[fault], 0.0)
         return Command(*actuator)
+
+
+def components(faults: Sequence[float]) -> tuple[float, ...]:
+    """Return the sizes [SI] that the plant is to have of `ac_common.faults.COMPONENTS`, within their limits.
+
+    Parameters
+    ----------
+    faults : sequence of float
+        Size of each fault of `ac_common.faults.FAULTS` [SI].
+    """
+    return tuple([min(max(faults[number], low), high) for number, low, high in _COMPONENTS])
 
 
 def _noise(std: Vector, seed: list[int]) -> Iterator[list[float]]:

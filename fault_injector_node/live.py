@@ -85,5 +85,7 @@ class LiveFault:
             draw = self._random.normal() * math.sqrt(self._sample_time_s / shape.time_constant_s)
             self._walk += draw if since > 0.0 else 0.0
             return shape.size * self._walk
+        if shape.profile == "noise":
+            return shape.size * float(self._random.normal())
         times = {"rise_s": shape.rise_s, "period_s": shape.period_s, "time_constant_s": shape.time_constant_s}
         return shape.size * float(grown(since, shape.profile, **times, duty_percent=shape.duty_percent))

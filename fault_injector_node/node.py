@@ -20,24 +20,24 @@ from ac_common.faults import BY_KIND, FAULTS, KINDS, Fault
 from ac_common.health import InjectorReport
 from ac_common.safe_command import COMMAND_HOLD_S, CommandHold
 from ac_common.signals import Command, Measurement, topics_of
-from ac_common.topics import INJECTOR
+from ac_common.topics import BY_NAME, INJECTOR
 from ac_plant_node.rest import rest_at
 from ac_ros_common.loop_node import LoopNode, run_node
 from ac_ros_common.parameters import MODE, OPERATING_POINT, RUN_START, SAMPLE_TIME, SUPERHEAT_SENSOR, Parameter
-from fault_injector_node.injector import FaultInjector
+from fault_injector_node.injector import FaultInjector, components
 from fault_injector_node.live import LiveFault, Shape
 
 
 def _live_parameters(fault: Fault) -> tuple[Parameter, ...]:
-    kind, size, most = fault.kind, fault.size_parameter, fault.largest_live_si
+    kind, size, least, most = fault.kind, fault.size_parameter, fault.lowest_live_si, fault.largest_live_si
     return (
         Parameter(f"{kind}.profile", "step", "how the live fault grows", choices=PROFILES, live=True),
-        Parameter(f"{kind}.{size}", 0.0, f"size of the live fault, {fault.si_unit}", -most, most, live=True),
+        Parameter(f"{kind}.{size}", 0.0, f"size of the live fault, {fault.si_unit}", least, most, live=True),
         Parameter(f"{kind}.rise_s", 60.0, "ramp: time to full size", 0.01, 86400.0, live=True),
         Parameter(f"{kind}.period_s", 60.0, "sine, intermittent: period", 0.01, 86400.0, live=True),
         Parameter(f"{kind}.time_constant_s", 100.0, "drift, random_walk: time constant", 0.01, 86400.0, live=True),
         Parameter(f"{kind}.duty_percent", 50.0, "intermittent: share of the period", 0.0, 100.0, live=True),
-        Parameter(f"{kind}.seed", 0, "random_walk: seed", 0, 2**31 - 1, live=True),
+        Parameter(f"{kind}.seed", 0, "random_walk, noise: seed", 0, 2**31 - 1, live=True),
     )
 
 
@@ -64,9 +64,10 @@ PARAMETERS = (
 )
 ACTUAL = topics_of("plant", Measurement)
 MEASURED = topics_of("measured", Measurement)
-SCHEDULES = tuple(fault.schedule_topic for fault in FAULTS)
-TRUTHS = tuple(fault.truth_topic for fault in FAULTS)
-NO_FAULT = (0.0,) * len(FAULTS)
+SCHEDULE = "scenario/faults"
+#: Topics of what is injected, and whether one is silent while it is zero.
+TRUTHS = tuple((fault.truth_topic, BY_NAME[fault.truth_topic].silent_at_zero) for fault in FAULTS)
+NO_FAULT: tuple[float, ...] = (0.0,) * len(FAULTS)
 #: Ticks whose command may still be on its way.
 MOST_OPEN_TICKS = 100
 
@@ -84,7 +85,7 @@ class InjectorNode(LoopNode):
         """Make the injector."""
         self._injector = FaultInjector(self.value("noise_std"), self.value("seed"), self.value("superheat_sensor"))
         self._live = {kind: LiveFault(self.value("sample_time_s")) for kind in KINDS}
-        self._last_faults: tuple[float, ...] = NO_FAULT
+        self._last_faults = self._told = NO_FAULT
         self._moved_ns = -1  # the last tick in which actuators were moved without a command
         self._open: dict[int, tuple[float, ...]] = {}  # of ticks whose command has not come yet
         self._measured_ns = -1
@@ -97,9 +98,9 @@ class InjectorNode(LoopNode):
         # Before the first command of a run there is nothing to miss.
         self._commanded_ns = 0 if self.run_start_ns >= 0 else None
         self.on_tick(
-            (*ACTUAL, *SCHEDULES),
+            (*ACTUAL, SCHEDULE),
             self._measure,
-            holds_s=dict.fromkeys(SCHEDULES, math.inf),
+            holds_s={SCHEDULE: math.inf},
             optional=ACTUAL,
             patience=0.3,
         )
@@ -127,8 +128,11 @@ class InjectorNode(LoopNode):
         for topic, value, is_missing in zip(MEASURED, measured, missing, strict=True):
             if not is_missing:
                 self.send(time_ns, topic, value)
-        for topic, value in zip(TRUTHS, faults, strict=True):
-            self.send(time_ns, topic, value)
+        self.send(time_ns, "component/faults", *components(faults))
+        for (topic, silent_at_zero), value, told in zip(TRUTHS, faults, self._told, strict=True):
+            if not silent_at_zero or value != 0.0 or told != 0.0:
+                self.send(time_ns, topic, value)
+        self._told = faults
         self._measured_ns = time_ns
         if self._early is not None and self._early[0] <= time_ns:
             early, self._early = self._early, None

@@ -166,7 +166,7 @@ def read_bag(bag: Path | str) -> Recording:
         if topic in OCCASIONAL and not messages[name]:
             continue
         for key, column in zip(topic.series, columns_of.get(name, ()), strict=True):
-            recording.series[key] = np.full(ticks, math.nan)
+            recording.series[key] = np.full(ticks, 0.0 if topic.silent_at_zero else math.nan)
             recording.series[key][rows[name]] = column
     recording.metadata = {
         **run,

@@ -32,7 +32,7 @@ from ac_common.topics import (
     PLANT,
     RECORDER,
     SCENARIO,
-    TOPICS,
+    TICKED,
 )
 from ac_ros_common._rclpy import RCLError
 from ac_ros_common.loop_node import IDLE_S
@@ -44,11 +44,11 @@ NAMESPACE = "/bare"
 
 
 def _of(node: str, *but: str) -> tuple[str, ...]:
-    return tuple(topic.name for topic in TOPICS if topic.publisher == node and topic.name not in but)
+    return tuple(topic.name for topic in TICKED if topic.publisher == node and topic.name not in but)
 
 
 def _inputs(node: str, *but: str) -> tuple[str, ...]:
-    return tuple(topic.name for topic in TOPICS if node in topic.subscribers and topic.name not in but)
+    return tuple(topic.name for topic in TICKED if node in topic.subscribers and topic.name not in but)
 
 
 #: What each node waits for, and what it then sends.
@@ -81,7 +81,7 @@ class BareNode(Node):  # type: ignore[misc]
                     self.create_subscription(message_class(BY_NAME[topic].type), topic, take, LOOP_QOS)
                 )
         if name == RECORDER:
-            for topic_ in TOPICS:
+            for topic_ in TICKED:
                 kind = message_class(topic_.type)
                 self._readers.append(self.create_subscription(kind, topic_.name, self._drop, LOOP_QOS, raw=True))
         self.received = 0

@@ -22,7 +22,7 @@ import psutil
 
 from ac_common.blas_threads import one_blas_thread
 from ac_common.health import HealthReport, missed_ticks
-from ac_common.topics import INJECTOR, NAMESPACE, PLANT, TOPICS
+from ac_common.topics import INJECTOR, NAMESPACE, PLANT, TICKED
 from ac_experiments.bags.reader import RawBag, health_reports, read_bag, read_raw
 from ac_experiments.scenario import check
 from bringup.benchmarks.children import node_processes, resident_mb
@@ -107,7 +107,7 @@ def sustained_mb(time_s: Sequence[float], memory_mb: Sequence[float], first_s: f
 
 def missing_messages(raw: RawBag, ticks: int) -> dict[str, int]:
     """Return how many messages of each loop topic are not in the bag."""
-    counts = {topic.name: len(raw.messages.get(f"{NAMESPACE}/{topic.name}", [])) for topic in TOPICS}
+    counts = {topic.name: len(raw.messages.get(f"{NAMESPACE}/{topic.name}", [])) for topic in TICKED}
     return {name: ticks - count for name, count in counts.items() if count < ticks}
 
 

@@ -1,12 +1,12 @@
 """The page's controls: every widget knows its unit and its limits, which are those of the nodes' parameters."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
 from bokeh.models.widgets import Button, RadioButtonGroup, Select, Spinner
 
 from ac_common.fault_profiles import PROFILE_KEYS, PROFILES
-from ac_common.faults import Fault
+from ac_common.faults import BY_KIND, Fault
 from ac_common.topics import COMPENSATOR, SCENARIO
 from ac_common.units import KPA
 from bringup.dash.link import Link
@@ -48,6 +48,13 @@ def _spinner(name: str, title: str, value: float, low: float, high: float, step:
     )  # fmt: skip
 
 
+def _select(name: str, title: str, value: str, options: list[Any]) -> Select:
+    return Select(
+        name=name, title=title, value=value, options=options,
+        sizing_mode="stretch_width", margin=0, stylesheets=[STYLE],
+    )  # fmt: skip
+
+
 def _button(name: str, label: str, act: Callable[[], None], kind: Literal["default", "primary"] = "default") -> Button:
     button = Button(
         name=name, label=label, button_type=kind, sizing_mode="stretch_width", margin=0, stylesheets=[STYLE]
@@ -57,23 +64,33 @@ def _button(name: str, label: str, act: Callable[[], None], kind: Literal["defau
 
 
 class FaultControl:
-    """Size, shape, and the button that starts and stops one fault."""
+    """Size, shape, and the button that starts and stops one fault.
 
-    def __init__(self, fault: Fault, link: Link) -> None:
-        self._fault, self._link = fault, link
+    Parameters
+    ----------
+    name : str
+        Last part of the widgets' names.
+    faults : sequence of Fault
+        Of several one is chosen first; each keeps running when another one is chosen.
+    link : Link
+    """
+
+    def __init__(self, name: str, faults: Sequence[Fault], link: Link) -> None:
+        self._fault, self._link = faults[0], link
         self._active = False
-        most = _round(fault.largest_live_si / fault.si)
-        self._size = _spinner(f"size_{fault.symbol}", f"size, {fault.unit}", fault.typical, -most, most, 1.0)
-        shapes: list[Any] = list(PROFILES)
-        self._profile = Select(
-            name=f"profile_{fault.symbol}", title="shape", value=PROFILES[0], options=shapes,
-            sizing_mode="stretch_width", margin=0, stylesheets=[STYLE],
-        )  # fmt: skip
-        self._time = _spinner(f"time_{fault.symbol}", "time, s", 60.0, 0.1, 86400.0, 10.0)
+        self._size = _spinner(f"size_{name}", "size", 0.0, 0.0, 1.0, 1.0)
+        self._profile = _select(f"profile_{name}", "shape", PROFILES[0], list(PROFILES))
+        self._time = _spinner(f"time_{name}", "time, s", 60.0, 0.1, 86400.0, 10.0)
         self._time.visible = False
         self._profile.on_change("value", lambda _attr, _old, _new: self._show_time())
-        self._button = _button(f"inject_{fault.symbol}", f"Inject {fault.symbol}", self._clicked, "primary")
+        self._button = _button(f"inject_{name}", "", self._clicked, "primary")
         self.widgets: list[Any] = [self._size, self._profile, self._time, self._button]
+        if len(faults) > 1:
+            options = [(fault.kind, f"{fault.symbol}: {fault.name}") for fault in faults]
+            kind = _select(f"kind_{name}", "", self._fault.kind, options)
+            kind.on_change("value", lambda _attr, _old, new: self._choose(BY_KIND[new]))
+            self.widgets.append(kind)
+        self._choose(self._fault)
         for widget in (self._size, self._profile, self._time):
             widget.on_change("value", lambda _attr, _old, _new: self._follow())
 
@@ -84,6 +101,19 @@ class FaultControl:
         _set(self._button, label=f"Stop {symbol}" if self._active else f"Inject {symbol}")
         _set(self._button, button_type="warning" if self._active else "primary")
         _set(self._button, disabled=view.phase not in ("running", "paused"))
+
+    def _choose(self, fault: Fault) -> None:
+        """Offer another fault, in its usual size; one that is running goes on as it is."""
+        self._active = False  # until the next look at the graph: what is set here is not typed
+        self._fault = fault
+        self._size.update(
+            title=f"size, {fault.unit}",
+            low=_round(fault.lowest_live_si / fault.si),
+            high=_round(fault.largest_live_si / fault.si),
+            value=fault.typical,
+            step=1.0 if fault.typical > 1.0 else 0.1,
+        )
+        self._button.label = f"Inject {fault.symbol}"
 
     def _show_time(self) -> None:
         keys = [key for key in PROFILE_KEYS[self._profile.value] if key.endswith("_s")]

@@ -11,7 +11,7 @@ from bokeh.models import ColumnDataSource, CustomJS
 from bokeh.models.widgets import Div, RadioButtonGroup
 from jinja2 import Environment, FileSystemLoader
 
-from ac_common.faults import FAULTS, ISOLABLE, UNKNOWN, in_unit
+from ac_common.faults import ISOLABLE, UNFILTERED, UNKNOWN, in_unit
 from ac_common.health import PlantReport
 from ac_common.signals import Performance
 from ac_common.units import KPA
@@ -85,7 +85,7 @@ def make_page(link: Link, problem: Callable[[], str]) -> Callable[[Document], No
         document.template = template
         document.template_variables["keys"] = {key.name: key for key in keys()}
         document.template_variables["plots"] = [plot.name for plot in TIME_PLOTS]
-        document.template_variables["faults"] = FAULTS
+        document.template_variables["faults"] = ISOLABLE
         page = _Page(link, problem)
         with document.models.freeze():  # Bokeh would look through all models again with each root: seconds
             for root in page.roots:
@@ -130,7 +130,8 @@ class _Page:
             for name in ("lamps", "readouts", "said")
         )
         self._controls: list[FaultControl | ChangeControl | RunControl] = [
-            *(FaultControl(fault, link) for fault in FAULTS),
+            *(FaultControl(fault.symbol, (fault,), link) for fault in ISOLABLE),
+            FaultControl("other", UNFILTERED, link),
             ChangeControl(link),
             RunControl(link),
         ]

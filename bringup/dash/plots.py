@@ -18,7 +18,7 @@ from bokeh.models import (
 from bokeh.models.annotations import LabelSet
 from bokeh.plotting import figure
 
-from ac_common.faults import FAULTS, Fault
+from ac_common.faults import ISOLABLE, UNFILTERED, Fault
 from ac_common.units import KPA
 from ac_experiments.report.charts import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILION
 from ac_experiments.report.panels import Line
@@ -52,11 +52,9 @@ def _controlled(stem: str) -> tuple[Line, ...]:
 
 
 def _fault(fault: Fault) -> TimePlot:
-    """Return the plot of a fault: what is injected, and what is estimated of it where a filter does."""
+    """Return the plot of a fault that a filter estimates: what is injected, and the estimate with its thresholds."""
     lines = [Line(fault.symbol, "injected", VERMILION, "dashed")]
     least, digits = fault.typical / 5.0, "0.0" if fault.typical > 10.0 else "0.00"
-    if not fault.has_filter:
-        return TimePlot(fault.kind, f"Fault {fault.symbol}, {fault.unit}", tuple(lines), least, digits)
     threshold = threshold_column(fault)
     lines += [
         Line(fault.residual_symbol, "residual", BLUE),
@@ -66,7 +64,13 @@ def _fault(fault: Fault) -> TimePlot:
     return TimePlot(fault.kind, f"Residual {fault.symbol}, {fault.unit}", tuple(lines), least, digits)
 
 
-_FAULTS = {fault.kind: _fault(fault) for fault in FAULTS}
+_FAULTS = {fault.kind: _fault(fault) for fault in ISOLABLE}
+_COLOURS = (VERMILION, BLUE, GREEN, ORANGE, SKY, BLACK)
+_OTHERS = tuple(
+    Line(fault.symbol, fault.symbol, _COLOURS[i % len(_COLOURS)], ("solid", "dashed")[i // len(_COLOURS) % 2])
+    for i, fault in enumerate(UNFILTERED)
+)
+"""Faults that are only known to have been injected: in one plot, since most of them are zero most of the time."""
 _FIRST = ("evaporator_pressure", "compressor_speed")
 """Faults whose plots stand beside those of pressure and superheat; those of the others come at the end."""
 
@@ -92,6 +96,7 @@ TIME_PLOTS = (
     ),
     TimePlot("air", "Air mass flow, g/s", (Line("air_flow", "evaporator", GREEN),), 5.0, "0.0"),
     *(plot for kind, plot in _FAULTS.items() if kind not in _FIRST),
+    TimePlot("other_faults", "Other faults injected, % of the largest", _OTHERS, 5.0, "0.0"),
 )
 
 

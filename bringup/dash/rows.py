@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from ac_common.faults import FAULTS, ISOLABLE, ISOLABLE_KINDS, Fault
+from ac_common.faults import ISOLABLE, ISOLABLE_KINDS, UNFILTERED, Fault
 from ac_common.fdi_status import StatusRow
-from ac_common.topics import AIR, COMPRESSOR, VALVE, residual_of, truth_of
+from ac_common.topics import AIR, BY_NAME, COMPRESSOR, VALVE, residual_of, truth_of
 from ac_common.units import KPA, RPM
 
 #: Least time between two rows, s: more often nobody can see.
@@ -40,7 +40,8 @@ def threshold_column(fault: Fault) -> str:
     return f"threshold_{fault.residual_symbol}"
 
 
-#: What the page shows: column, the series it is from (a topic, or ``topic:joint``), and how much of SI one unit is.
+#: What the page shows: column, the series it is from (a topic, or ``topic:joint``), how much of SI one unit is. Of a
+#: fault without a filter, whose plot it shares with others, that is a per cent of the largest.
 COLUMNS = (
     ("p_e", "plant/evaporator_pressure", KPA),
     ("p_e_measured", "measured/evaporator_pressure", KPA),
@@ -57,7 +58,8 @@ COLUMNS = (
     ("air_flow", f"scenario/air:{AIR}", 0.001),
     ("air_inlet", "scenario/air_inlet_temperature", 1.0),
     ("humidity", "scenario/air_humidity", 0.01),
-    *((fault.symbol, truth_of(fault.kind), fault.si) for fault in FAULTS),
+    *((fault.symbol, truth_of(fault.kind), fault.si) for fault in ISOLABLE),
+    *((fault.symbol, truth_of(fault.kind), fault.largest_si / 100.0) for fault in UNFILTERED),
     *((fault.residual_symbol, residual_of(fault.kind), fault.si) for fault in ISOLABLE),
     *((threshold_column(fault), f"fdi/status:{fault.kind}", fault.si) for fault in ISOLABLE),
 )
@@ -67,6 +69,11 @@ NAMES = ("t", *(name for name, _, _ in COLUMNS))
 TOPIC_NAMES = tuple(dict.fromkeys(series.partition(":")[0] for _, series, _ in COLUMNS))
 
 _PLACE = {series: (i, unit) for i, (_, series, unit) in enumerate(COLUMNS, start=1)}
+_SILENT = {key for topic in BY_NAME.values() if topic.silent_at_zero for key in topic.series}
+_EMPTY = [math.nan, *(0.0 if series in _SILENT else math.nan for _, series, _ in COLUMNS)]
+    0.0 if BY_NAME[series.partition(":")[0]].silent_at_zero else math.nan for _, series, _ in COLUMNS
+]
+"""A row of which nothing is known yet; what is silent at zero may say nothing at all."""
 
 Row = tuple[float, ...]
 
@@ -111,7 +118,7 @@ class Rows:
                 self._begin(time_ns)
             if self._last_ns >= 0 and time_ns - self._last_ns < (ROW_PERIOD_S - 1e-3) * 1e9:
                 return  # its row is closed, or it is between two rows
-            row = self._waiting.setdefault(time_ns, [math.nan] * len(NAMES))
+            row = self._waiting.setdefault(time_ns, _EMPTY.copy())
             for series, value in values.items():
                 if series in _PLACE:
                     place, unit = _PLACE[series]

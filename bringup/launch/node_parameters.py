@@ -135,7 +135,7 @@ def _loop_parameters(scenario: Scenario, log: Path, mode: Mode, passive: bool) -
     timing = {"sample_time_s": scenario.sample_time_s, "mode": mode}
     point = scenario.operating_point
     parameters: dict[str, dict[str, Any]] = {
-        PLANT: {**timing, "operating_point": point, "ticks": scenario.ticks},
+        PLANT: {**timing, "operating_point": point, "ticks": scenario.ticks, "component_faults": True},
         INJECTOR: {
             **timing,
             "operating_point": point,

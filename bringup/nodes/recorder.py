@@ -12,7 +12,7 @@ from rclpy.serialization import deserialize_message
 
 from ac_common.design_file import ATTACHMENT, DESIGNED
 from ac_common.health import PlantReport, RecorderReport
-from ac_common.topics import BY_NAME, CLOCK, DIAGNOSTICS, OCCASIONAL, PLANT, RECORDER, TOPICS
+from ac_common.topics import BY_NAME, CLOCK, DIAGNOSTICS, OCCASIONAL, PLANT, RECORDER, TICKED, TOPICS
 from ac_common.wire import stamp_ns
 from ac_experiments.bags.recorder import BagWriter, RecordedTopic
 from ac_ros_common.inputs import Arrival, Subscriptions
@@ -52,8 +52,11 @@ class RecorderNode(LoopNode):
         self._lockstep: bool = self.value("mode") == "lockstep"
         self._ticks: int = self.value("ticks")
         namespace = self.get_namespace().rstrip("/")
-        topics = [RecordedTopic(f"{namespace}/{t.name}", t.type, DEPTH, DEADLINE_S) for t in TOPICS]
+        topics = [
+            RecordedTopic(f"{namespace}/{t.name}", t.type, DEPTH, DEADLINE_S if t in TICKED else None) for t in TOPICS
+        ]
         self._loop_topics = len(topics)
+        self._ticked = [TOPICS.index(topic) for topic in TICKED]
         self._last_topic = TOPICS.index(BY_NAME["actuator/command"])  # of a tick: when it is there, all were
         topics += [RecordedTopic(f"{namespace}/{t.name}", t.type, DEPTH) for t in OCCASIONAL]
         topics.append(RecordedTopic("/diagnostics", DIAGNOSTICS, DEPTH))
@@ -118,7 +121,7 @@ class RecorderNode(LoopNode):
         """Return which messages of the run are not in the bag: empty when every one is."""
         if self._bag is None or not self._ticks:
             return ""
-        wanted = [*range(self._loop_topics), *([self._health_topic + 1] if self._lockstep else [])]
+        wanted = [*self._ticked, *([self._health_topic + 1] if self._lockstep else [])]
         gaps = [
             f"{self._names[n]} {self._bag.counts[n]} of {self._ticks}"
             for n in wanted

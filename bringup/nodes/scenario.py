@@ -11,7 +11,6 @@ from collections.abc import Sequence
 import numpy as np
 from rclpy.parameter import Parameter as RosParameter
 
-from ac_common.faults import FAULTS
 from ac_common.ramp import LiveOffset
 from ac_common.signals import Reference, topics_of
 from ac_common.topics import AIR_SIDE, SCENARIO
@@ -72,7 +71,7 @@ PARAMETERS = (
 )
 #: Topics of a row of the schedule: references and air, then faults.
 PLAYED = (*topics_of("reference", Reference), *AIR_SIDE)
-SCHEDULES = tuple(fault.schedule_topic for fault in FAULTS)
+SCHEDULE = "scenario/faults"
 #: How long the references go on by themselves when the plant's messages stay away, s.
 HOLD_S = 0.3
 
@@ -125,8 +124,7 @@ class ScenarioNode(LoopNode):
         played, faults = row[: len(PLAYED)], row[len(PLAYED) :]
         time_s = time_ns / 1e9
         more = [unit * offset.value(time_s) for unit, offset in zip(self._units, self._offsets.values(), strict=True)]
-        for topic, value in zip(SCHEDULES, faults, strict=True):
-            self.send(time_ns, topic, value)
+        self.send(time_ns, SCHEDULE, *faults)
         for topic, value, offset, (low, high) in zip(PLAYED, played, more, self._allowed, strict=True):
             self.send(time_ns, topic, min(max(value + offset, low), high))
 

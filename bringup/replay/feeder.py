@@ -7,7 +7,7 @@ from typing import Any
 from ac_common.topics import NAMESPACE, TOPICS, Topic
 from ac_common.wire import stamp_ns
 from ac_ros_common.messages import message_class
-from ac_ros_common.qos import LOOP_QOS
+from ac_ros_common.qos import qos_of
 from bringup.launch.supervisor import Supervisor
 
 
@@ -18,7 +18,7 @@ class Feeder:
         self._supervisor = supervisor
         ros = supervisor.node
         self._publishers = {
-            topic.name: ros.create_publisher(message_class(topic.type), f"{NAMESPACE}/{topic.name}", LOOP_QOS)
+            topic.name: ros.create_publisher(message_class(topic.type), f"{NAMESPACE}/{topic.name}", qos_of(topic))
             for topic in TOPICS
             if node in topic.subscribers
         }
@@ -34,7 +34,7 @@ class Feeder:
 
         self._subscriptions.append(
             self._supervisor.node.create_subscription(
-                message_class(topic.type), f"{NAMESPACE}/{topic.name}", take, LOOP_QOS, raw=True
+                message_class(topic.type), f"{NAMESPACE}/{topic.name}", take, qos_of(topic), raw=True
             )
         )
 

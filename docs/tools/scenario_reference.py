@@ -123,9 +123,12 @@ def text() -> str:
     return "\n".join([*parts, ""])
 
 
+_PLACES = {Place.ACTUATOR: "an actuator", Place.SENSOR: "a sensor", Place.PLANT: "the plant"}
+
+
 def _remark(fault: Fault) -> str:
     """Return what the section of a kind of fault begins with."""
-    remark = f"{fault.symbol}, {'an actuator' if fault.place is Place.ACTUATOR else 'a sensor'} fault."
+    remark = f"{fault.symbol}, a fault of {_PLACES[fault.place]}."
     return remark if fault.has_filter else f"{remark} No filter is for it: it is isolated as `{UNKNOWN}`, if at all."
 
 

@@ -5,10 +5,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ac_common.faults import BY_KIND, FAULTS, ISOLABLE, KINDS, UNKNOWN, Place, called, faults_at, in_unit, kinds_in
+from ac_common.faults import (
+    BY_KIND,
+    COMPONENT_KINDS,
+    COMPONENTS,
+    FAULTS,
+    ISOLABLE,
+    KINDS,
+    UNKNOWN,
+    Place,
+    called,
+    faults_at,
+    in_unit,
+    kinds_in,
+)
 from ac_common.signals import Command, Measurement
 from ac_common.topics import BY_NAME, FDI, INJECTOR, SCENARIO, SERIES, residual_of, schedule_of, truth_of
-from fault_injector_node.injector import FaultInjector
+from ac_plant_node.inputs import FAULT_KINDS
+from ac_plant_node.inputs import FAULTS as PLANT_FAULTS
+from fault_injector_node.injector import FaultInjector, components
 
 ACTUAL = (2.5e5, 20.0, 12.0, 1.3e6)
 COMMAND = (150.0, 0.4)
@@ -35,7 +50,7 @@ def test_each_fault_has_its_topics(fault) -> None:
     # What may be injected must pass for a signal of the loop.
     for topic in (fault.truth_topic, fault.schedule_topic):
         ((low, high),) = BY_NAME[topic].spans
-        assert low <= -fault.largest_live_si < fault.largest_live_si <= high
+        assert low <= fault.lowest_live_si < fault.largest_live_si <= high
     assert fault.largest_si <= fault.largest_live_si <= 1.1 * fault.largest_si
     assert 0.0 < fault.typical <= fault.largest
 
@@ -43,7 +58,7 @@ def test_each_fault_has_its_topics(fault) -> None:
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.kind)
 @given(share=st.floats(-1.0, 1.0))
 def test_each_fault_is_added_to_its_own_signal_and_to_nothing_else(fault, share: float) -> None:
-    size = share * fault.largest_si
+    size = max(share * fault.largest_si, fault.lowest_si)
     faults = [size if other is fault else 0.0 for other in FAULTS]
     injector = FaultInjector()
     measured, actuator = injector.measure(ACTUAL, faults), injector.actuate(COMMAND, faults)
@@ -51,9 +66,23 @@ def test_each_fault_is_added_to_its_own_signal_and_to_nothing_else(fault, share:
         **dict(zip(Measurement._fields, np.subtract(measured, ACTUAL), strict=True)),
         **dict(zip(Command._fields, np.subtract(actuator, COMMAND), strict=True)),
     }
+    off |= dict(zip(COMPONENT_KINDS, components(faults), strict=True))
     expected = max(size, -COMMAND[0]) if fault.place is Place.ACTUATOR else size
-    assert off.pop(fault.signal) == pytest.approx(expected, abs=1e-9)  # Pa: rounding of 250 kPa
+    # A pressure is rounded to 3e-11 Pa, so the difference of two is no more exact.
+    assert off.pop(fault.signal) == pytest.approx(expected, abs=1e-10)
     assert not any(off.values())
+
+
+def test_components_faults_are_those_of_the_plant_in_its_order_and_within_its_limits() -> None:
+    *of_plant, inlet = COMPONENTS
+    assert tuple(fault.kind for fault in of_plant) == FAULT_KINDS
+    assert inlet.kind == "air_inlet_sensor"
+    for fault, row in zip(of_plant, PLANT_FAULTS, strict=True):
+        assert (fault.lowest_si, fault.largest_si) == pytest.approx((row.low, row.high), rel=1e-15)
+        assert {"%": "percent", "kg/h": "kg_h", "s": "s"}[fault.unit] == row.unit or row.unit == "flag"
+    for way, limit in ((1.0, "largest_si"), (-1.0, "lowest_si")):
+        much = [2.0 * way * fault.largest_si for fault in FAULTS]
+        assert components(much) == tuple(getattr(fault, limit) for fault in COMPONENTS)
 
 
 def test_a_derived_superheat_shows_the_faults_of_both_sensors() -> None:

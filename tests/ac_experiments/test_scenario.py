@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from ac_common.errors import UserError
 from ac_common.fault_profiles import PROFILES, unit_profile
+from ac_common.faults import KINDS
 from ac_common.units import KPA, RPM
 from ac_common.yaml_file import yaml_text
 from ac_experiments.scenario import built_in_scenarios, check, load, schedule, to_yaml
@@ -335,3 +336,32 @@ def test_a_wrong_setting_says_what_is_allowed(override: str, words: list[str]):
         load("nominal", [override])
     for word in words:
         assert word in str(refused.value)
+
+
+def test_faults_that_are_there_or_not_need_no_size() -> None:
+    faults = [{"kind": "valve_stuck", "onset_s": 1.0}, {"kind": "condenser_fan", "onset_s": 1.0}]
+    assert [fault.size for fault in check({"name": "dead", "duration_s": 5.0, "faults": faults}).faults] == [1.0, 1.0]
+    with pytest.raises(UserError, match="size_percent: is missing"):
+        check({"name": "foul", "duration_s": 5.0, "faults": [{"kind": "condenser_fouling", "onset_s": 1.0}]})
+
+
+def test_what_is_lost_cannot_be_gained() -> None:
+    fault = {"kind": "refrigerant_leak", "size_kg_h": -0.1, "onset_s": 1.0}
+    with pytest.raises(UserError, match=r"size_kg_h: given -0\.1; must be greater than or equal to 0"):
+        check({"name": "filled", "duration_s": 5.0, "faults": [fault]})
+    waves = {"kind": "refrigerant_leak", "size_kg_h": 1.0, "onset_s": 0.0, "profile": "sine", "period_s": 10.0}
+    scenario = check({"name": "waves", "duration_s": 20.0, "faults": [waves]})
+    sizes = schedule(scenario, np.zeros(4), np.zeros(4)).faults[:, KINDS.index("refrigerant_leak")]
+    assert sizes.min() == 0.0
+    assert sizes.max() == pytest.approx(1.0 / 3600.0, rel=1e-3)
+
+
+def test_noise_has_the_rms_of_its_size_and_is_the_same_again() -> None:
+    time_s = 0.1 * np.arange(20000)
+    noise = unit_profile(time_s, "noise", 500.0, seed=3)
+    assert not noise[time_s < 500.0].any()
+    assert noise[time_s >= 500.0].std() == pytest.approx(1.0, abs=0.03)
+    assert (noise == unit_profile(time_s, "noise", 500.0, seed=3)).all()
+    live = LiveFault(0.1)
+    live.start(Shape("noise", 2.0, seed=3))
+    assert np.std([live.value(t) for t in time_s]) == pytest.approx(2.0, abs=0.06)

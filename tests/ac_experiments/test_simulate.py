@@ -6,8 +6,9 @@
 import numpy as np
 import pytest
 
-from ac_common.signals import Performance
-from ac_common.topics import AIR_SIDE, BY_NAME, PERFORMANCE_SERIES, SERIES
+from ac_common.faults import COMPONENTS, Fault
+from ac_common.signals import Performance, PlantOutput
+from ac_common.topics import AIR_SIDE, BY_NAME, PERFORMANCE_SERIES, SERIES, truth_of
 from ac_experiments.designs import designs_at
 from ac_experiments.metrics import summarise
 from ac_experiments.recording import Recording
@@ -15,6 +16,7 @@ from ac_experiments.report.performance import figures, performance_of
 from ac_experiments.scenario import check, load
 from ac_experiments.simulate import simulate
 from ac_plant_node import Plant, load_parameters, operating_point
+from ac_plant_node.inputs import FAULT_KINDS, FAULTS, TO_SI
 
 
 @pytest.fixture(scope="module")
@@ -211,3 +213,37 @@ def test_a_slow_bias_of_the_superheat_sensor_cannot_be_told_from_the_other_fault
             columns = columns + np.hstack([system.E2, system.F2])
             assert columns.shape == (3, 3)
             assert 10.0 < np.linalg.cond(columns) < 100.0
+
+
+@pytest.mark.parametrize("fault", COMPONENTS[:-1], ids=lambda fault: fault.kind)
+def test_a_component_fault_acts_in_the_plant_and_its_truth_is_told(fault: Fault):
+    """The plant, given what the recording says that it was given, gives the recorded outputs."""
+    profile = {"profile": "ramp", "rise_s": 2.0}
+    faults = [{"kind": fault.kind, fault.size_key: fault.typical, "onset_s": 1.0, "end_s": 6.0, **profile}]
+    moves = [{"at_s": 0.5, "to": 10.0, "ramp_s": 4.0}]
+    scenario = {"name": "faulty", "duration_s": 8.0, "faults": faults, "references": {"evaporator_pressure_kpa": moves}}
+    run = simulate(check(scenario), passive=True)
+    series, plant = run.series, Plant.at("med")
+    sizes = series[truth_of(fault.kind)]
+    assert (sizes == series[f"component/faults:{fault.kind}"]).all()
+    assert sizes.max() == pytest.approx(fault.typical * fault.si)
+    told = np.column_stack([series[f"actuator/command:{joint}"] for joint in ("compressor", "expansion_valve")])
+    for k in range(len(sizes) - 1):
+        plant.set_faults({fault.kind: sizes[k] / TO_SI[FAULTS[FAULT_KINDS.index(fault.kind)].unit](1.0)})
+        out = plant.step(np.append(told[k], plant.inputs[2:4]), 0.1)
+        recorded = [series[f"plant/{name}"][k + 1] for name in PlantOutput._fields]
+        np.testing.assert_allclose(out, recorded, rtol=1e-9)
+    healthy = simulate(check({**scenario, "faults": []}), passive=True).series["plant/condenser_pressure"]
+    assert np.abs(series["plant/condenser_pressure"] - healthy)[sizes == 0.0][:10].max() == 0.0
+    assert np.abs(series["plant/condenser_pressure"] - healthy).max() > 1.0
+
+
+def test_a_fault_of_the_inlet_sensor_is_in_the_reading_and_not_in_the_air():
+    fault = {"kind": "air_inlet_sensor", "size_k": 3.0, "onset_s": 2.0}
+    run = simulate(check({"name": "inlet", "duration_s": 5.0, "faults": [fault]}))
+    off = run.series["plant/air_inlet_temperature"] - run.series["scenario/air_inlet_temperature"]
+    assert off[run.time_s <= 2.0].max() == 0.0
+    assert (off[run.time_s > 2.0] == 3.0).all()
+    pressure = run.series["plant/evaporator_pressure"][run.time_s < 2.2]
+    assert np.ptp(pressure) < 1e-3  # it is the detector alone that is told something else
+    assert np.ptp(run.series["fdi/innovation/superheat"]) > 0.01

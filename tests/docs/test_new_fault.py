@@ -13,7 +13,7 @@ MOST_FILES = 8
 #: A fault that nobody has thought of: the bias of another sensor, as one entry.
 ENTRY = """
     Fault(
-        kind="wall_bias", symbol="f_Tw", place=Place.SENSOR, signal="wall_temperature", unit="K", si=1.0, si_unit="K",
+        kind="wall_bias", symbol="f_wb", place=Place.SENSOR, signal="wall_temperature", unit="K", si=1.0, si_unit="K",
         size_key="size_k", largest=15.0, typical=2.0, name="wall thermocouple", subject="the wall thermocouple",
         verb="read", more="too high", less="too low", adds="added to the measured wall temperature", has_filter=False,
     ),
@@ -41,9 +41,9 @@ assert abs(off[-1] - 2.5) < 1e-9, off
 assert (run.series["fault/wall_bias"] == run.series["scenario/fault/wall_bias"]).all()
 page = render(run)
 assert "the wall thermocouple begins to read 2.5 K too high" in page
-assert "f<sub>Tw</sub> wall thermocouple" in page
+assert "f<sub>wb</sub> wall thermocouple" in page
 assert "Fault of the wall thermocouple" in [panel.title for panel in panels_of(run, both=False)]
-assert "f_Tw" in NAMES and "wall_bias" in [plot.name for plot in TIME_PLOTS]
+assert "f_wb" in NAMES and "f_wb" in [line.name for plot in TIME_PLOTS for line in plot.lines]
 assert {"wall_bias.size_k", "wall_bias.profile"} <= {parameter.name for parameter in PARAMETERS}
 assert "fdi/residual/wall_bias" not in BY_NAME
 print("all there")

@@ -1,12 +1,14 @@
 """What the page's controls send and show, without browser or graph."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
+from ac_common.faults import BY_KIND, UNFILTERED
 from ac_common.topics import SCENARIO
-from bringup.dash.controls import CHANGES, ChangeControl
+from bringup.dash.controls import CHANGES, ChangeControl, FaultControl
 from bringup.dash.view import View
 from bringup.nodes.scenario import OFFSETS
 
@@ -19,6 +21,11 @@ class Sent:
 
     def __init__(self) -> None:
         self.changes: list[Mapping[str, Any]] = []
+
+        self.faults: list[tuple[str, Mapping[str, Any]]] = []
+
+    def inject(self, fault: str, values: Mapping[str, Any]) -> None:
+        self.faults.append((fault, values))
 
     def change(self, node: str, values: Mapping[str, Any], done: str) -> None:  # noqa: ARG002
         assert node == SCENARIO
@@ -117,3 +124,32 @@ def test_only_what_is_new_is_sent(control: ChangeControl, sent: Sent) -> None:
     control.widgets[0].value = 1.0
     control._clicked()
     assert sent.changes[-1] == {"ramp_s": 0.0, OFFSETS[0].name: 1000.0}
+
+
+def test_one_control_offers_all_faults_without_a_filter_with_their_own_limits(sent: Sent) -> None:
+    control = FaultControl("other", UNFILTERED, sent)  # type: ignore[arg-type]
+    size, _, _, button, kind = control.widgets
+    assert [option[0] for option in kind.options] == [fault.kind for fault in UNFILTERED]
+    for fault in UNFILTERED:
+        kind.value = fault.kind
+        assert size.low == pytest.approx(fault.lowest_live_si / fault.si, rel=0.1)
+        assert size.low <= size.value == fault.typical <= size.high
+        control.show(view())
+        assert button.label == f"Inject {fault.symbol}"
+        control._clicked()
+    assert [name for name, _ in sent.faults] == [fault.kind for fault in UNFILTERED]
+    for name, values in sent.faults:
+        fault = BY_KIND[name]
+        assert values == {"profile": "step", fault.size_parameter: pytest.approx(fault.typical * fault.si)}
+
+
+def test_choosing_another_fault_leaves_a_running_one_alone(sent: Sent) -> None:
+    control = FaultControl("other", UNFILTERED, sent)  # type: ignore[arg-type]
+    *_, button, kind = control.widgets
+    running = replace(view(), live_faults=frozenset({UNFILTERED[0].kind}))
+    control.show(running)
+    assert button.label == f"Stop {UNFILTERED[0].symbol}"
+    kind.value = UNFILTERED[1].kind
+    control.show(running)
+    assert button.label == f"Inject {UNFILTERED[1].symbol}"
+    assert sent.faults == []

@@ -9,7 +9,7 @@ from ac_experiments.scenario_schema import Scenario
 from bringup.launch.launch import GraphRun, run_graph
 from tests.operator import Operator
 
-#: Two faults, noise and a moving reference within 12 s: every part of the loop has something to do.
+#: Faults of all places, noise and a moving reference within 12 s: every part of the loop has something to do.
 SHORT = {
     "name": "short",
     "duration_s": 12.0,
@@ -18,6 +18,9 @@ SHORT = {
     "faults": [
         {"kind": "compressor_speed", "size_rpm": 40, "onset_s": 2},
         {"kind": "evaporator_pressure", "size_kpa": 1, "onset_s": 6, "profile": "sine", "period_s": 3},
+        {"kind": "valve_slow", "size_s": 2, "onset_s": 8},
+        {"kind": "condenser_fouling", "size_percent": 5, "onset_s": 8, "profile": "ramp", "rise_s": 2},
+        {"kind": "air_inlet_sensor", "size_k": 0.2, "onset_s": 9},
     ],
     "noise": {"evaporator_pressure_kpa": 0.02, "superheat_k": 0.02, "wall_temperature_k": 0.02, "seed": 7},
 }

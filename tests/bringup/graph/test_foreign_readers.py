@@ -13,7 +13,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
 
-from ac_common.topics import BY_NAME, NAMESPACE, TOPICS
+from ac_common.topics import BY_NAME, NAMESPACE, TICKED
 from ac_common.yaml_file import parsed
 from ac_experiments.bags.reader import read_bag, read_raw
 from ac_ros_common.messages import message_class
@@ -38,7 +38,7 @@ def test_foxgloves_decoder_reads_every_message(run: GraphRun) -> None:
                 speeds.append(message.velocity[0])
             elif channel.topic == f"{NAMESPACE}/measured/evaporator_pressure":
                 pressures.append(message.fluid_pressure)
-    assert {topic.name: counts[f"{NAMESPACE}/{topic.name}"] for topic in TOPICS} == {t.name: run.ticks for t in TOPICS}
+    assert {topic.name: counts[f"{NAMESPACE}/{topic.name}"] for topic in TICKED} == {t.name: run.ticks for t in TICKED}
     np.testing.assert_array_equal(speeds, recording.series["controller/command:compressor"])
     np.testing.assert_array_equal(pressures, recording.series["measured/evaporator_pressure"])
 
