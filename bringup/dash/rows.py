@@ -71,8 +71,6 @@ TOPIC_NAMES = tuple(dict.fromkeys(series.partition(":")[0] for _, series, _ in C
 _PLACE = {series: (i, unit) for i, (_, series, unit) in enumerate(COLUMNS, start=1)}
 _SILENT = {key for topic in BY_NAME.values() if topic.silent_at_zero for key in topic.series}
 _EMPTY = [math.nan, *(0.0 if series in _SILENT else math.nan for _, series, _ in COLUMNS)]
-    0.0 if BY_NAME[series.partition(":")[0]].silent_at_zero else math.nan for _, series, _ in COLUMNS
-]
 """A row of which nothing is known yet; what is silent at zero may say nothing at all."""
 
 Row = tuple[float, ...]

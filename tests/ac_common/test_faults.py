@@ -38,18 +38,15 @@ def test_names_and_symbols_are_unique_and_those_with_a_filter_come_first() -> No
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.kind)
 def test_each_fault_has_its_topics(fault) -> None:
     assert BY_NAME[fault.truth_topic].publisher == INJECTOR
-    assert (BY_NAME[fault.schedule_topic].publisher, BY_NAME[fault.schedule_topic].subscribers) == (
-        SCENARIO,
-        (INJECTOR,),
-    )
+    assert (BY_NAME["scenario/faults"].publisher, BY_NAME["scenario/faults"].subscribers) == (SCENARIO, (INJECTOR,))
     assert {truth_of(fault.kind), schedule_of(fault.kind)} <= set(SERIES)
     assert (fault.residual_topic in BY_NAME) == fault.has_filter
     if fault.has_filter:
         assert BY_NAME[fault.residual_topic].publisher == FDI
         assert residual_of(fault.kind) in SERIES
     # What may be injected must pass for a signal of the loop.
-    for topic in (fault.truth_topic, fault.schedule_topic):
-        ((low, high),) = BY_NAME[topic].spans
+    ((truth_low, truth_high),) = BY_NAME[fault.truth_topic].spans
+    for low, high in ((truth_low, truth_high), BY_NAME["scenario/faults"].spans[KINDS.index(fault.kind)]):
         assert low <= fault.lowest_live_si < fault.largest_live_si <= high
     assert fault.largest_si <= fault.largest_live_si <= 1.1 * fault.largest_si
     assert 0.0 < fault.typical <= fault.largest

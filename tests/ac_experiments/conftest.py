@@ -7,7 +7,7 @@ import pytest
 
 from ac_common.faults import FAULTS, KINDS
 from ac_common.fdi_status import StatusRow
-from ac_common.topics import AIR_SIDE, BY_NAME, SERIES
+from ac_common.topics import AIR_SIDE, BY_NAME, SERIES, schedule_of, truth_of
 from ac_common.units import KPA, RPM
 from ac_experiments.recording import Recording
 from ac_experiments.scenario import check, schedule
@@ -49,8 +49,8 @@ def make_recording(scenario: Scenario, passive: bool = False) -> Recording:
     series["plant/condenser_air_inlet_temperature"] = series["scenario/condenser_air_inlet_temperature"]
     lag = 1 - np.exp(-np.maximum(time_s[:, None] - np.array([_onset(scenario, kind) for kind in KINDS]), 0) / 10)
     for i, fault in enumerate(FAULTS):
-        for topic in (BY_NAME[fault.truth_topic], BY_NAME[fault.schedule_topic]):
-            series[topic.series[0]] = plan.faults[:, i].copy()
+        series[truth_of(fault.kind)] = plan.faults[:, i].copy()
+        series[schedule_of(fault.kind)] = plan.faults[:, i].copy()
         if fault.has_filter:
             series[BY_NAME[fault.residual_topic].series[0]] = plan.faults[:, i] * lag[:, i]
     return Recording(

@@ -351,7 +351,7 @@ def test_what_is_lost_cannot_be_gained() -> None:
         check({"name": "filled", "duration_s": 5.0, "faults": [fault]})
     waves = {"kind": "refrigerant_leak", "size_kg_h": 1.0, "onset_s": 0.0, "profile": "sine", "period_s": 10.0}
     scenario = check({"name": "waves", "duration_s": 20.0, "faults": [waves]})
-    sizes = schedule(scenario, np.zeros(4), np.zeros(4)).faults[:, KINDS.index("refrigerant_leak")]
+    sizes = schedule(scenario, INPUTS, OUTPUTS).faults[:, KINDS.index("refrigerant_leak")]
     assert sizes.min() == 0.0
     assert sizes.max() == pytest.approx(1.0 / 3600.0, rel=1e-3)
 
