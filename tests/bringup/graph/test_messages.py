@@ -25,6 +25,7 @@ from ac_ros_common.messages import stamp_ns as stamp_of_message
 from ac_ros_common.tick_sync import MOST_WAITING, TickSet
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
+MOST_SERIES = max(len(topic.series) for topic in TOPICS)
 scalars_and_joints = st.sampled_from([topic for topic in TOPICS if topic.type != DIAGNOSTICS])
 
 
@@ -35,7 +36,7 @@ def received(topic, data):
 
 @given(
     topic=scalars_and_joints,
-    places=st.lists(st.floats(0.0, 1.0), min_size=2, max_size=2),
+    places=st.lists(st.floats(0.0, 1.0), min_size=MOST_SERIES, max_size=MOST_SERIES),
     time_ns=st.integers(0, 2**31 * 10**9 - 1),
 )
 def test_numbers_pass_bit_for_bit(topic, places, time_ns):
