@@ -15,7 +15,7 @@ from ac_common.faults import ISOLABLE, UNFILTERED, UNKNOWN, in_unit
 from ac_common.health import PlantReport
 from ac_common.signals import Performance
 from ac_common.units import KPA
-from bringup.dash.controls import STYLE, ChangeControl, FaultControl, RunControl
+from bringup.dash.controls import CHANGES, STYLE, ChangeControl, FaultControl, RunControl
 from bringup.dash.cycle import corners, subcooled_enthalpy
 from bringup.dash.link import Link
 from bringup.dash.plots import (
@@ -86,6 +86,7 @@ def make_page(link: Link, problem: Callable[[], str]) -> Callable[[Document], No
         document.template_variables["keys"] = {key.name: key for key in keys()}
         document.template_variables["plots"] = [plot.name for plot in TIME_PLOTS]
         document.template_variables["faults"] = ISOLABLE
+        document.template_variables["changes"] = [name for name, *_ in CHANGES]
         page = _Page(link, problem)
         with document.models.freeze():  # Bokeh would look through all models again with each root: seconds
             for root in page.roots:
