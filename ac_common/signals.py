@@ -95,6 +95,33 @@ class AirSide(NamedTuple):
     """relative, at the evaporator's inlet, 0..1"""
 
 
+class CarSide(NamedTuple):
+    """What a car does to the air conditioner beside the air of `AirSide`: the joints of ``scenario/car``."""
+
+    vehicle_speed: float
+    """m/s"""
+    sun: float
+    """W/m2"""
+    people: float
+    recirculation: float
+    """share of cabin air in what the evaporator breathes, 0..1"""
+    belt_speed: float
+    """of the compressor on the belt, rad/s; 0 when it is electric"""
+
+
+class Cabin(NamedTuple):
+    """What comes of it, for evaluation only: the joints of ``plant/car``."""
+
+    cabin_air: float
+    """degC"""
+    cabin_interior: float
+    """degC"""
+    evaporator_humidity: float
+    """relative, of the air into the evaporator, 0..1"""
+    condenser_air: float
+    """air flow through the condenser, kg/s"""
+
+
 Signal = Measurement | PlantOutput | Innovation | Command | Reference | AirSide
 
 

@@ -16,7 +16,7 @@ from ac_common.faults import (
     Fault,
     Place,
 )
-from ac_common.signals import Performance
+from ac_common.signals import Cabin, CarSide, Performance
 
 NAMESPACE = "/ac"
 
@@ -33,7 +33,7 @@ AIR = "evaporator_air"
 CONDENSER_AIR = "condenser_air"
 
 #: The field of a JointState in which a joint's value travels: speeds and flows are velocities, openings and the
-#: sizes of faults positions, heat flows and powers efforts.
+#: sizes of faults positions, heat flows and powers efforts; what has no motion in it is a position, too.
 JOINT_FIELD = {
     COMPRESSOR: "velocity",
     VALVE: "position",
@@ -43,6 +43,14 @@ JOINT_FIELD = {
     "latent_cooling": "effort",
     "condensed_water": "velocity",
     "compressor_power": "effort",
+    "vehicle_speed": "velocity",
+    "sun": "effort",
+    "people": "position",
+    "recirculation": "position",
+    "belt_speed": "velocity",
+    "cabin_air": "position",
+    "cabin_interior": "position",
+    "evaporator_humidity": "position",
 } | dict.fromkeys(KINDS, "position")
 
 #: Unit of a joint's value.
@@ -55,6 +63,14 @@ JOINT_UNIT = {
     "latent_cooling": "W",
     "condensed_water": "kg/s",
     "compressor_power": "W",
+    "vehicle_speed": "m/s",
+    "sun": "W/m2",
+    "people": "persons",
+    "recirculation": "0..1",
+    "belt_speed": "rad/s",
+    "cabin_air": "degC",
+    "cabin_interior": "degC",
+    "evaporator_humidity": "0..1",
 } | {fault.kind: fault.si_unit for fault in FAULTS}
 
 # Names of the nodes, as in `ros2 node list`.
@@ -74,6 +90,14 @@ JOINT_SPAN = {
     "latent_cooling": (-5.0e4, 5.0e4),
     "condensed_water": (0.0, 5.0),
     "compressor_power": (-5.0e4, 5.0e4),
+    "vehicle_speed": (0.0, 100.0),
+    "sun": (0.0, 2000.0),
+    "people": (0.0, 100.0),
+    "recirculation": (0.0, 1.0),
+    "belt_speed": (0.0, 750.0),
+    "cabin_air": (-150.0, 200.0),
+    "cabin_interior": (-150.0, 200.0),
+    "evaporator_humidity": (0.0, 1.0),
 } | {fault.kind: (fault.lowest_live_si, fault.largest_live_si) for fault in FAULTS}
 
 
@@ -354,8 +378,28 @@ TOPICS: tuple[Topic, ...] = (
 #: Topics that have a message in every tick.
 TICKED: tuple[Topic, ...] = tuple(topic for topic in TOPICS if not topic.silent_at_zero)
 
-#: Topics that are silent while all is well. In no tick anyone waits for them.
+#: Topics that only a run with a car has, in every tick. Without one they are silent, and nobody waits for them.
+CAR: tuple[Topic, ...] = (
+    Topic(
+        "scenario/car",
+        JOINTS,
+        "vehicle, sun, people, recirculation; compressor speed by the belt, 0 for an electric one",
+        SCENARIO,
+        (PLANT, CONTROLLER),
+        CarSide._fields,
+    ),
+    Topic(
+        "plant/car",
+        JOINTS,
+        "air and interior of the cabin, humidity at the evaporator, air through the condenser: for evaluation only",
+        PLANT,
+        joints=Cabin._fields,
+    ),
+)
+
+#: Topics that are silent in some runs, or while all is well. In no tick of those anyone waits for them.
 OCCASIONAL: tuple[Topic, ...] = (
+    *CAR,
     # What the actuators hold while no command comes, without f_N: where a controller that comes back takes over.
     Topic(
         "actuator/setpoint",
@@ -380,6 +424,14 @@ BY_NAME = {topic.name: topic for topic in (*TOPICS, *OCCASIONAL)}
 
 #: Keys of `Recording.series`, in the order of the table above.
 SERIES: tuple[str, ...] = tuple(key for topic in TOPICS for key in topic.series)
+#: Those that a run with a car has besides: what is played to the car, and what comes of it.
+CAR_SERIES: tuple[str, ...] = BY_NAME["scenario/car"].series
+CABIN_SERIES: tuple[str, ...] = BY_NAME["plant/car"].series
+
+
+def topics_in(in_car: bool) -> tuple[Topic, ...]:
+    """Return the topics of a run with or without a car."""
+    return (*TOPICS, *CAR) if in_car else TOPICS
 
 
 #: Keys in `SERIES` of the fields of `ac_common.signals.Performance`, in their order.

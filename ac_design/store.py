@@ -16,8 +16,10 @@ from ac_common.sample_time import DEFAULT_SAMPLE_TIME_S, LONGEST_SAMPLE_TIME_S, 
 from ac_common.topics import COMPENSATOR, CONTROLLER, FDI
 from ac_design.report import BlockReport
 from ac_design.weights import (
+    BELT,
     CONTROLLERS,
     PAPER_CONTROLLER,
+    BeltWeights,
     CompensatorWeights,
     ControllerWeights,
     FdiWeights,
@@ -138,6 +140,12 @@ def design_controller(point: str, sample_time_s: float, weights: ControllerWeigh
     return ControllerDesign.from_arrays(arrays)
 
 
+def design_belt_controller(point: str, sample_time_s: float, weights: BeltWeights | None = None) -> ControllerDesign:
+    """Return K0 for a compressor on the belt, which the valve alone is left to; raises as `design_controller`."""
+    arrays = cached_design("controller-belt", "ac_design.belt", point, sample_time_s, weights or BeltWeights())
+    return ControllerDesign.from_arrays(arrays)
+
+
 def design_compensator(
     point: str,
     sample_time_s: float,
@@ -181,20 +189,24 @@ def design_of(
     point, sample_time_s, sensors, superheat
         As in `design_fdi`; `sensors` is the detector's.
     controller : str
-        Which K0: "tracking" or "paper".
+        Which K0: "tracking" or "paper", or "belt"; the compensator beside that one is tracking's and stays silent.
 
     Raises
     ------
     UserError
         As `design_fdi`.
     """
-    weights = CONTROLLERS[controller]
+    weights = CONTROLLERS["tracking" if controller == BELT else controller]
     makers: dict[str, Callable[[], FdiDesign | CompensatorDesign | ControllerDesign]] = {
         FDI: lambda: design_fdi(point, sample_time_s, sensors=sensors, superheat=superheat),
         COMPENSATOR: lambda: design_compensator(
             point, sample_time_s, controller=weights, fdi=FdiWeights(superheat=superheat)
         ),
-        CONTROLLER: lambda: design_controller(point, sample_time_s, weights),
+        CONTROLLER: lambda: (
+            design_belt_controller(point, sample_time_s)
+            if controller == BELT
+            else design_controller(point, sample_time_s, weights)
+        ),
     }
     return makers[node]()
 
@@ -223,7 +235,7 @@ def write_designs(folder: Path, point: str, sample_time_s: float, **options: Any
 
 
 def all_blocks(point: str, sample_time_s: float = DEFAULT_SAMPLE_TIME_S) -> list[BlockReport]:
-    """Return the reports of both K0, both rows of H and all Q at an operating point.
+    """Return the reports of all K0, both rows of H and all Q at an operating point.
 
     Parameters
     ----------
@@ -240,6 +252,7 @@ def all_blocks(point: str, sample_time_s: float = DEFAULT_SAMPLE_TIME_S) -> list
     k0 = cached_design("controller", "ac_design.controller", point, sample_time_s, controller)
     paper = cached_design("controller-paper", "ac_design.controller", point, sample_time_s, PAPER_CONTROLLER)
     h = cached_design("fdi", "ac_design.fdi", point, sample_time_s, fdi)
+    belt = cached_design("controller-belt", "ac_design.belt", point, sample_time_s, BeltWeights())
     q = cached_design(
         "compensator",
         "ac_design.compensator",
@@ -252,6 +265,7 @@ def all_blocks(point: str, sample_time_s: float = DEFAULT_SAMPLE_TIME_S) -> list
     return [
         BlockReport.from_array(k0["report"]),
         replace(BlockReport.from_array(paper["report"]), block="K0_paper"),
+        BlockReport.from_array(belt["report"]),
         *(
             BlockReport.from_array(text)
             for text in (h["report_H_N"], h["report_H_p"], q["report_Q_both"], q["report_Q_act"], q["report_Q_sen"])

@@ -145,6 +145,49 @@ holds both references instead and takes back all of it.
 CONTROLLERS = {"tracking": ControllerWeights(), "paper": PAPER_CONTROLLER}
 """The K0 that a scenario, or a node's parameter, may choose by name."""
 
+
+@dataclass(frozen=True)
+class BeltWeights:
+    """Weights of the synthesis of K0 for a compressor on the belt (`ac_design.belt`), in design units.
+
+    Attributes
+    ----------
+    bandwidth_rad_s, peak, integrator_rad_s
+        Of e_SH, as in `ControllerWeights`.
+    command, output : float
+        Weights of alpha and SH.
+    speed, disturbance : float
+        Sizes of the changes of engine speed and air flow.
+    noise, speed_noise : float
+        Sizes of the noises on e_SH and the engine's speed.
+    factor_speed, reduction, limits
+        As in `ControllerWeights`.
+    lead_k, lag_s : float
+        Of the reference governor for SH, as in `ControllerWeights`.
+    speed_offset_rpm : float
+        N_s of the speed's coordinate `(N_0 + N_s) ln((N + N_s) / (N_0 + N_s))`.
+    """
+
+    bandwidth_rad_s: float = 0.6
+    peak: float = 2.0
+    integrator_rad_s: float = 1e-4
+    command: float = 0.1
+    output: float = 0.1
+    speed: float = 1.0
+    disturbance: float = 0.5
+    noise: float = 1e-4
+    speed_noise: float = 1e-2
+    factor_speed: float = 10.0
+    reduction: float = 1e-3
+    limits: CommandLimits = field(default_factory=CommandLimits)
+    lead_k: float = 3.0
+    lag_s: float = 10.0
+    speed_offset_rpm: float = 300.0
+
+
+BELT = "belt"
+"""Name of the K0 for a compressor on the belt."""
+
 COMPENSATOR_NOISE = MeasurementNoise((0.1, 0.1, 0.05))
 
 

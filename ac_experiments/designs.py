@@ -3,15 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from ac_design import (
-    CONTROLLERS,
-    FdiWeights,
-    SuperheatSensor,
-    design_compensator,
-    design_controller,
-    design_fdi,
-    write_designs,
-)
+from ac_common.topics import COMPENSATOR, CONTROLLER, FDI
+from ac_design import SuperheatSensor, design_of, write_designs
 from ac_experiments.scenario_schema import Scenario
 from fdi_node import FdiDesign
 from gimc_controller_node import CompensatorDesign, ControllerDesign
@@ -37,14 +30,12 @@ def designs_at(
     """Return the designs of an operating point, "low", "med" or "high", from the cache when they are there.
 
     `sensors` is 3, or 2 for a detector without the wall thermocouple; `superheat` is how the superheat is measured;
-    `controller` is which K0, "tracking" or "paper", with the compensator that belongs to it.
+    `controller` is which K0, "tracking", "paper" or "belt", with the compensator that belongs to it.
     """
-    weights = CONTROLLERS[controller]
-    return Designs(
-        fdi=design_fdi(point, sample_time_s, sensors=sensors, superheat=superheat),
-        controller=design_controller(point, sample_time_s, weights),
-        compensator=design_compensator(point, sample_time_s, controller=weights, fdi=FdiWeights(superheat=superheat)),
+    designs = (
+        design_of(node, point, sample_time_s, sensors, superheat, controller) for node in (FDI, CONTROLLER, COMPENSATOR)
     )
+    return Designs(*designs)  # type: ignore[arg-type]
 
 
 def designs_of(scenario: Scenario) -> Designs:

@@ -15,6 +15,7 @@ from ac_common.fdi_status import StatusRow
 from ac_common.files import write_whole
 from ac_common.topics import schedule_of, truth_of
 from ac_common.units import KPA, RPM
+from ac_experiments.energy import car_figures, energies_j
 from ac_experiments.recording import Recording
 
 #: "At rest" and "just before" are averages over this long, s.
@@ -72,6 +73,10 @@ def summarise(recording: Recording) -> dict[str, Any]:
         - ``steady_pressure_error_kpa``: the same difference, with its sign, averaged over the last 20 s. Also
           ``steady_superheat_error_k``.
 
+        Where the plant tells its performance, ``energy_kj`` (``compressor`` work, ``cooling``, ``latent_cooling``) and
+        ``cop``, the cooling over the work; in a car ``cabin_temperature_c`` and ``vent_temperature_c`` at the end,
+        ``cabin_cooled_s`` (when the air of the cabin was first below 27 degC; None: never) and ``distance_km``.
+
     Raises
     ------
     UserError
@@ -99,7 +104,22 @@ def summarise(recording: Recording) -> dict[str, Any]:
         "restarts": [_with_numbers(restart) for restart in about.get("restarts", [])],
         "events": about.get("events", []),
         "metrics": _metrics(recording),
+        **_energy(recording),
     }
+
+
+def _energy(recording: Recording) -> dict[str, Any]:
+    """Return what `summarise` tells of energy and, in a car, of its cabin; nothing where nobody has told it."""
+    joules, car = energies_j(recording), car_figures(recording)
+    told: dict[str, Any] = {}
+    if joules:
+        work = joules["compressor"]
+        told["energy_kj"] = {name: joule / 1e3 for name, joule in joules.items()}
+        told["cop"] = joules["cooling"] / work if work > 0.0 else None
+    if car is not None:
+        told["cabin_temperature_c"], told["vent_temperature_c"] = _number(car.cabin_c), _number(car.vent_c)
+        told["cabin_cooled_s"], told["distance_km"] = _number(car.comfort_s), car.distance_m / 1e3
+    return told
 
 
 def _metrics(recording: Recording) -> dict[str, float | None]:

@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,12 @@ from ac_common.errors import UserError, nearest, one_line, shortened
 from ac_common.faults import FAULTS, KINDS, Fault
 from ac_common.units import KPA
 from ac_common.yaml_file import parsed, text_of, yaml_text
-from ac_experiments.scenario_schema import SHORTEST_S, Change, Scenario, quoted, unknown
+from ac_experiments.car_schema import Car, over_time
+from ac_experiments.scenario_schema import SHORTEST_S, Change, Scenario
+from ac_experiments.schema_part import quoted, unknown
+
+if TYPE_CHECKING:
+    from ac_plant_node.cabin import CabinState
 
 BUILT_IN = Path(__file__).parent / "scenarios"
 
@@ -33,12 +38,15 @@ class Schedule:
         (K, 5) the fields of `ac_common.signals.AirSide`.
     faults
         (K, F) size of each fault of `ac_common.faults.FAULTS`, SI.
+    car
+        (K, 5) the fields of `ac_common.signals.CarSide`; (K, 0) without a car.
     """
 
     time_s: NDArray[np.float64]
     reference: NDArray[np.float64]
     air: NDArray[np.float64]
     faults: NDArray[np.float64]
+    car: NDArray[np.float64]
 
 
 def schedule(scenario: Scenario, inputs: NDArray[np.float64], outputs: NDArray[np.float64]) -> Schedule:
@@ -55,7 +63,7 @@ def schedule(scenario: Scenario, inputs: NDArray[np.float64], outputs: NDArray[n
         Outputs at the operating point, (4,) ``[p_e Pa, SH K, T_w degC, p_c Pa]``.
     """
     time_s = np.arange(scenario.ticks) * scenario.tick_ns / 1e9
-    references, air = scenario.references, scenario.air
+    references = scenario.references
     return Schedule(
         time_s=time_s,
         reference=np.column_stack(
@@ -64,17 +72,67 @@ def schedule(scenario: Scenario, inputs: NDArray[np.float64], outputs: NDArray[n
                 outputs[1] + _moves(time_s, references.superheat_k),
             ]
         ),
-        air=np.column_stack(
-            [
-                inputs[2] * (1.0 + _moves(time_s, air.mass_flow_percent) / 100.0),
-                inputs[3] + _moves(time_s, air.inlet_temperature_k),
-                inputs[4] * (1.0 + _moves(time_s, air.condenser_mass_flow_percent) / 100.0),
-                inputs[5] + _moves(time_s, air.condenser_inlet_temperature_k),
-                inputs[6] + _moves(time_s, air.humidity_percent) / 100.0,
-            ]
-        ),
+        air=_air(scenario, time_s, inputs) if scenario.car is None else _outside(scenario.car, time_s, inputs),
         faults=np.column_stack([_of_kind(scenario, kind, time_s) for kind in FAULTS]),
+        car=np.empty((len(time_s), 0)) if scenario.car is None else _car_side(scenario.car, time_s),
     )
+
+
+def _air(scenario: Scenario, time_s: NDArray[np.float64], inputs: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the air side over time, (K, 5), as changes from the operating point."""
+    air = scenario.air
+    return np.column_stack(
+        [
+            inputs[2] * (1.0 + _moves(time_s, air.mass_flow_percent) / 100.0),
+            inputs[3] + _moves(time_s, air.inlet_temperature_k),
+            inputs[4] * (1.0 + _moves(time_s, air.condenser_mass_flow_percent) / 100.0),
+            inputs[5] + _moves(time_s, air.condenser_inlet_temperature_k),
+            inputs[6] + _moves(time_s, air.humidity_percent) / 100.0,
+        ]
+    )
+
+
+def _outside(car: Car, time_s: NDArray[np.float64], inputs: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return blower and outside air, (K, 5), in the places of the air side; what a car makes of them is a result."""
+    return np.column_stack(
+        [
+            over_time(car.blower_kg_s, time_s),
+            np.full_like(time_s, inputs[3]),
+            np.full_like(time_s, inputs[4]),
+            over_time(car.outside_temperature_c, time_s),
+            over_time(car.outside_humidity_percent, time_s) / 100.0,
+        ]
+    )
+
+
+def _car_side(car: Car, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the fields of `CarSide` over time, (K, 5)."""
+    from ac_plant_node.drive_cycle import Driveline, belt_speed
+
+    vehicle_m_s = over_time(car.vehicle_speed_km_h, time_s) / 3.6
+    line = Driveline(idle_rpm=car.idle_rpm, pulley_ratio=car.pulley_ratio)
+    return np.column_stack(
+        [
+            vehicle_m_s,
+            over_time(car.sun_w_m2, time_s),
+            over_time(car.people, time_s),
+            over_time(car.recirculation_percent, time_s) / 100.0,
+            belt_speed(vehicle_m_s, line) if car.has_belt else np.zeros_like(time_s),
+        ]
+    )
+
+
+def cabin_of(car: Car) -> "CabinState":
+    """Return the cabin of a scenario's car at the start."""
+    from ac_plant_node.cabin import Surroundings
+    from ac_plant_node.car import cabin_at_start
+
+    (outside_c, humidity, sun) = (
+        float(over_time(curve, np.zeros(1))[0])
+        for curve in (car.outside_temperature_c, car.outside_humidity_percent, car.sun_w_m2)
+    )
+    around = Surroundings(outside_c, humidity / 100.0, sun)
+    return cabin_at_start(around, None if isinstance(car.cabin, str) else car.cabin)
 
 
 def _of_kind(scenario: Scenario, kind: Fault, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -219,16 +277,20 @@ def _validated(content: dict[str, Any], source: str) -> Scenario:
 
 
 def _driven(scenario: Scenario, source: str) -> Scenario:
-    """Return the scenario with the drive cycle, if there is one, as changes of the air flows."""
-    if scenario.air.drive_cycle is None:
-        return scenario
-    try:
-        changes = scenario.air.drive_cycle.changes()
-    except ValueError as problem:
-        msg = f"{source}: air.drive_cycle.file: {problem}"
-        raise UserError(msg) from None
+    """Return the scenario with the drive cycle, if there is one, as what it stands for."""
     content = scenario.model_dump(mode="json")
-    content["air"] = {**content["air"], **changes, "drive_cycle": None}
+    try:
+        if scenario.air.drive_cycle is not None:
+            where = "air.drive_cycle.file"
+            content["air"] |= {**scenario.air.drive_cycle.changes(), "drive_cycle": None}
+        elif scenario.car is not None and scenario.car.drive_cycle is not None:
+            where = "car.drive_cycle"
+            content["car"] |= {"vehicle_speed_km_h": scenario.car.points(), "drive_cycle": None}
+        else:
+            return scenario
+    except ValueError as problem:
+        msg = f"{source}: {where}: {problem}"
+        raise UserError(msg) from None
     return _validated(content, source)
 
 

@@ -5,8 +5,6 @@ and the air side are given as changes from the operating point, so one scenario 
 """
 
 import re
-import reprlib
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import reduce
 from operator import or_
@@ -15,13 +13,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainValidator, create_model, model_validator
+from pydantic import AfterValidator, Field, PlainValidator, create_model, model_validator
 
-from ac_common.errors import UserError, nearest, shortened
+from ac_common.errors import UserError
 from ac_common.fault_profiles import PROFILE_KEYS, unit_profile
-from ac_common.faults import BY_KIND, FAULTS, Fault
+from ac_common.faults import BY_KIND, FAULTS, Fault, Place
 from ac_common.sample_time import DEFAULT_SAMPLE_TIME_S, LONGEST_SAMPLE_TIME_S, SHORTEST_SAMPLE_TIME_S
 from ac_common.units import KPA
+from ac_experiments.car_schema import Car
+from ac_experiments.schema_part import Part, quoted, unknown
 
 #: Shortest time that a profile may take, s: the shortest sample time.
 SHORTEST_S = 0.01
@@ -31,22 +31,7 @@ ROUNDING_S = 1e-9
 LARGEST_SEED = 2**31 - 1
 
 
-class _Part(BaseModel):
-    """A mapping in the scenario file; a key it does not know is an error that names the nearest one it does."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _known_keys(cls, given: Any) -> Any:
-        if isinstance(given, Mapping):
-            for key in given:
-                if key not in cls.model_fields:
-                    raise ValueError(unknown("key", key, list(cls.model_fields)))
-        return given
-
-
-class Change(_Part):
+class Change(Part):
     """At `at_s` the quantity starts to move from where it is to `to`, in a straight line that takes `ramp_s`."""
 
     at_s: float = Field(ge=0.0)
@@ -70,17 +55,17 @@ class TargetsWithin:
         return changes
 
 
-class References(_Part):
+class References(Part):
     """References of the controller, as changes from the operating point."""
 
-    evaporator_pressure_kpa: Annotated[list[Change], AfterValidator(TargetsWithin(-100.0, 150.0))] = []
-    superheat_k: Annotated[list[Change], AfterValidator(TargetsWithin(-18.0, 30.0))] = []
+    evaporator_pressure_kpa: Annotated[list[Change], AfterValidator(TargetsWithin(-100.0, 150.0))] = Field(default=[])
+    superheat_k: Annotated[list[Change], AfterValidator(TargetsWithin(-18.0, 30.0))] = Field(default=[])
 
 
 Moves = list[dict[str, float]]
 
 
-class RamAir(_Part):
+class RamAir(Part):
     """A drive: the faster the car, the more ram air on the evaporator, with the square of the speed.
 
     With `condenser` also on the condenser, beside a fan at its high stage, which alone makes the plant's usual flow.
@@ -121,15 +106,19 @@ def _moves_through(time_s: NDArray[np.float64], targets: NDArray[np.float64]) ->
     return moves
 
 
-class Air(_Part):
+#: What the condenser's air may change by: 0.1 to 1.5 kg/s of 0 to 50 degC at the shipped points' 0.55 kg/s of 30 degC,
+#: which is what the plant takes.
+_CONDENSER_FLOW, _CONDENSER_INLET = TargetsWithin(-80.0, 170.0), TargetsWithin(-30.0, 20.0)
+
+
+class Air(Part):
     """Air at both heat exchangers: the humidity as it is, the others as changes from the operating point."""
 
-    mass_flow_percent: Annotated[list[Change], AfterValidator(TargetsWithin(-90.0, 300.0))] = []
-    inlet_temperature_k: Annotated[list[Change], AfterValidator(TargetsWithin(-30.0, 30.0))] = []
-    # 0.1 to 1.5 kg/s of 0 to 50 degC at the shipped operating points' 0.55 kg/s of 30 degC: what the plant takes.
-    condenser_mass_flow_percent: Annotated[list[Change], AfterValidator(TargetsWithin(-80.0, 170.0))] = []
-    condenser_inlet_temperature_k: Annotated[list[Change], AfterValidator(TargetsWithin(-30.0, 20.0))] = []
-    humidity_percent: Annotated[list[Change], AfterValidator(TargetsWithin(0.0, 100.0))] = []
+    mass_flow_percent: Annotated[list[Change], AfterValidator(TargetsWithin(-90.0, 300.0))] = Field(default=[])
+    inlet_temperature_k: Annotated[list[Change], AfterValidator(TargetsWithin(-30.0, 30.0))] = Field(default=[])
+    condenser_mass_flow_percent: Annotated[list[Change], AfterValidator(_CONDENSER_FLOW)] = Field(default=[])
+    condenser_inlet_temperature_k: Annotated[list[Change], AfterValidator(_CONDENSER_INLET)] = Field(default=[])
+    humidity_percent: Annotated[list[Change], AfterValidator(TargetsWithin(0.0, 100.0))] = Field(default=[])
     drive_cycle: RamAir | None = None
 
     @model_validator(mode="after")
@@ -144,13 +133,13 @@ class Air(_Part):
         return self
 
 
-def targets_within(part: type[_Part], key: str) -> TargetsWithin:
+def targets_within(part: type[Part], key: str) -> TargetsWithin:
     """Return the limits of the targets of one list of changes, such as `targets_within(References, "superheat_k")`."""
     limits = (getattr(constraint, "func", None) for constraint in part.model_fields[key].metadata)
     return next(limit for limit in limits if isinstance(limit, TargetsWithin))
 
 
-class ScheduledFault(_Part):
+class ScheduledFault(Part):
     """What all faults share: when, and how it grows. With its size, each kind has a model of its own."""
 
     onset_s: float = Field(ge=0.0)
@@ -206,7 +195,7 @@ else:
     AnyFault = Annotated[reduce(or_, FAULT_MODELS.values()), Field(discriminator="kind")]
 
 
-class Noise(_Part):
+class Noise(Part):
     """Gaussian sensor noise: standard deviations, and the seed that makes a run repeatable."""
 
     evaporator_pressure_kpa: float = Field(default=0.0, ge=0.0, le=50.0)
@@ -272,7 +261,7 @@ class SensorChoice:
         return given
 
 
-class Scenario(_Part):
+class Scenario(Part):
     """A whole run. See `docs/` and the files in `ac_experiments/scenarios/` for examples."""
 
     name: str = Field(pattern=r"^[A-Za-z0-9_-]+$")
@@ -286,7 +275,8 @@ class Scenario(_Part):
     controller: Annotated[str, AfterValidator(ControllerName())] = "tracking"
     references: References = References()
     air: Air = Air()
-    faults: list[AnyFault] = []
+    car: Car | None = None
+    faults: list[AnyFault] = Field(default=[])
     noise: Noise = Noise()
 
     @model_validator(mode="after")
@@ -325,6 +315,22 @@ class Scenario(_Part):
         return self
 
     @model_validator(mode="after")
+    def _car_fits(self) -> "Scenario":
+        if self.car is not None and self.air != Air():
+            msg = "air and car both say what the air does; give one of them"
+            raise ValueError(msg)
+        if self.car is None or not self.car.has_belt:
+            return self
+        if self.controller == "paper":
+            msg = "controller: paper moves the compressor, which with car.compressor_drive: belt only the engine does"
+            raise ValueError(msg)
+        for number, fault in enumerate(self.faults):
+            if fault.fault.place is Place.ACTUATOR:
+                msg = f"faults.{number}: there is no {fault.fault.kind} fault with car.compressor_drive: belt"
+                raise ValueError(msg + ", where the compressor turns as the engine makes it")
+        return self
+
+    @model_validator(mode="after")
     def _compensator_fits(self) -> "Scenario":
         self.is_passive()
         return self
@@ -335,13 +341,21 @@ class Scenario(_Part):
         Raises
         ------
         UserError
-            When the compensator is to act with two sensors.
+            When the compensator is to act with two sensors, or with a compressor on the belt.
         """
         passive = self.passive if instead is None else instead
         if self.design_sensors == 2 and not passive:
             msg = f"sensors: {self.sensors} needs passive: true, since the compensators are designed for three sensors"
             raise UserError(msg)
+        if self.has_belt and not passive:
+            msg = "car.compressor_drive: belt needs passive: true, since the compensators move the compressor, too"
+            raise UserError(msg)
         return passive
+
+    @property
+    def has_belt(self) -> bool:
+        """Whether an engine turns the compressor."""
+        return self.car is not None and self.car.has_belt
 
     @property
     def design_sensors(self) -> int:
@@ -356,6 +370,8 @@ class Scenario(_Part):
     @property
     def controller_weights(self) -> str:
         """Which K0 the designs are for: limits and compensator of a controller of the user's are those of tracking."""
+        if self.has_belt:
+            return "belt"
         return self.controller if self.controller in K0_WEIGHTS else "tracking"
 
     @property
@@ -367,17 +383,3 @@ class Scenario(_Part):
     def tick_ns(self) -> int:
         """Sample time in whole nanoseconds, the unit of a ROS stamp."""
         return round(self.sample_time_s * 1e9)
-
-
-def unknown(what: str, given: object, allowed: list[str]) -> str:
-    """Say that there is no such `what`, which one may have been meant, and which there are."""
-    return f"unknown {what} {quoted(given)}{nearest(given, allowed)} allowed: {', '.join(allowed)}"
-
-
-#: Writes values out, but of a list that holds itself a hundred times over only the beginning.
-_REPR = reprlib.Repr(maxdict=2, maxlist=2, maxtuple=2, maxset=2, maxstring=60, maxlong=60, maxother=60)
-
-
-def quoted(value: object) -> str:
-    """Write a value of a file as a message can quote it."""
-    return shortened(_REPR.repr(value))

@@ -17,10 +17,12 @@ from ac_common.errors import RunError
 from ac_common.faults import COMPONENT_KINDS, ISOLABLE_KINDS, KINDS
 from ac_common.fdi_status import StatusRow
 from ac_common.health import AS_USUAL
-from ac_common.signals import Innovation, Measurement, PlantOutput, Reference, topics_of
+from ac_common.signals import CarSide, Innovation, Measurement, PlantOutput, Reference, topics_of
 from ac_common.topics import (
     AIR_SIDE,
     BY_NAME,
+    CABIN_SERIES,
+    CAR_SERIES,
     COMPENSATOR,
     CONTROLLER,
     PERFORMANCE_SERIES,
@@ -31,7 +33,7 @@ from ac_common.topics import (
 )
 from ac_experiments.designs import Designs, check_controller_of, designs_of
 from ac_experiments.recording import Recording
-from ac_experiments.scenario import Schedule, schedule
+from ac_experiments.scenario import Schedule, cabin_of, schedule
 from ac_experiments.scenario_schema import Scenario
 from ac_experiments.versions import versions
 
@@ -93,13 +95,14 @@ def simulate(
     passive = scenario.is_passive(passive)
     loop = _Loop(scenario, designs or designs_of(scenario), accommodate=not passive)
     plan, ticks = loop.schedule, scenario.ticks
-    made = np.empty((ticks, len(_MADE)))
-    times, faults, air = plan.time_s.tolist(), plan.faults.tolist(), plan.air.tolist()
+    keys = _MADE if scenario.car is None else (*_MADE, *CABIN_SERIES)
+    made = np.empty((ticks, len(keys)))
+    times, faults, air, car = plan.time_s.tolist(), plan.faults.tolist(), plan.air.tolist(), plan.car.tolist()
     started = time.perf_counter()
     for k, reference in enumerate(plan.reference):
-        made[k] = loop.tick(times[k], reference, faults[k])
+        made[k] = loop.tick(times[k], reference, faults[k], car[k])
         try:
-            loop.advance(air[k])
+            loop.advance(air[k], car[k])
         except ValueError as problem:
             msg = f"{scenario.name}: the plant stopped at {times[k]:.1f} s: {problem}"
             raise RunError(msg) from problem
@@ -109,7 +112,7 @@ def simulate(
         progress(ticks, ticks)
     return Recording(
         time_s=plan.time_s,
-        series=_series(made, plan),
+        series=_series(dict(zip(keys, made.T, strict=True)), plan),
         status=loop.status,
         metadata={
             "scenario": scenario.model_dump(mode="json"),
@@ -140,10 +143,12 @@ class _Loop:
     def __init__(self, scenario: Scenario, designs: Designs, *, accommodate: bool) -> None:
         # Imported here: these compile or load designs, and the command line must answer --help at once.
         from ac_plant_node import Plant, operating_point
+        from ac_plant_node.car import Car
         from fault_injector_node.injector import FaultInjector, components
         from fdi_node import FaultDetector
         from gimc_controller_node import Compensator
         from gimc_controller_node.making import make_controller
+        from gimc_controller_node.protection import ON_THE_BELT
 
         check_controller_of(scenario)
 
@@ -151,22 +156,30 @@ class _Loop:
         self.status: list[StatusRow] = []
         self.events: list[dict[str, Any]] = []
         self._sample_time_s = scenario.sample_time_s
-        self._plant = Plant.at(scenario.operating_point)
-        self._inputs, self._reading = self._plant.inputs, np.empty(len(Innovation._fields))
-        self.schedule = schedule(scenario, self._inputs, rest.outputs)
+        plant = Plant.at(scenario.operating_point)
+        self.schedule = schedule(scenario, plant.inputs, rest.outputs)
+        self._car = Car(scenario.operating_point, cabin_of(scenario.car)) if scenario.car is not None else None
+        self._plant: Plant | Car = self._car or plant
+        self._inputs = np.concatenate([plant.inputs, self.schedule.car[0]])
+        self._reading = np.empty(len(Innovation._fields))
         self._components_of = components
         self._injector = FaultInjector(scenario.noise.std, scenario.noise.seed, scenario.superheat_sensor)
         self._detector = FaultDetector(designs.fdi)
         self._compensator = Compensator(designs.compensator, accommodate=accommodate)
-        self._controller = make_controller(designs.controller, scenario.controller_class)
-        self._outputs: list[float] = rest.outputs.tolist()
+        self._controller = make_controller(
+            designs.controller, scenario.controller_class, ON_THE_BELT if scenario.has_belt else None
+        )
+        self._outputs: list[float] = (rest if self._car is None else self._car).outputs.tolist()
         # The plant reports the inlet temperatures that acted until now: those held over the sample just past.
-        self._air_inlet_c, self._condenser_inlet_c = float(self._inputs[3]), float(self._inputs[5])
+        acted = self._inputs if self._car is None else self._car.acted
+        self._air_inlet_c, self._condenser_inlet_c = float(acted[3]), float(acted[5])
         self._components = (0.0,) * len(COMPONENT_KINDS)
         self._does = {COMPENSATOR: "", CONTROLLER: ""}
 
-    def tick(self, time_s: float, reference: NDArray[np.float64], faults: Sequence[float]) -> tuple[float, ...]:
-        """Go around the loop once; return the values of `_MADE`."""
+    def tick(
+        self, time_s: float, reference: NDArray[np.float64], faults: Sequence[float], car: Sequence[float]
+    ) -> tuple[float, ...]:
+        """Go around the loop once; return the values of `_MADE`, and with a car those of `CABIN_SERIES`."""
         outputs, air_inlet_c = self._outputs, self._air_inlet_c + self._components[_INLET_SENSOR]
         measured = self._injector.measure(outputs, faults)
         readings = measured[:3]  # those that the designs use
@@ -175,6 +188,8 @@ class _Loop:
         q = self._compensator.step(found.innovation, found.isolated, found.also_isolated, wanted)
         reading = self._reading
         reading[0], reading[1], reading[2] = readings
+        if car:
+            self._controller.drive(CarSide(*car).belt_speed)
         command = self._controller.step(reference, reading, q)
         self._detector.commanded(command)
         if self._compensator.does != self._does[COMPENSATOR]:
@@ -191,24 +206,27 @@ class _Loop:
         self.status.append(found.status(time_s))
         seen = (*measured, *found.innovation, *found.residual)
         told = (air_inlet_c, self._condenser_inlet_c, *self._plant.performance)
-        return (*outputs, *told, *seen, *q.tolist(), *commanded, *actuator, *sizes)
+        cabin = () if self._car is None else self._car.cabin
+        return (*outputs, *told, *seen, *q.tolist(), *commanded, *actuator, *sizes, *cabin)
 
-    def advance(self, air: Sequence[float]) -> None:
+    def advance(self, air: Sequence[float], car: Sequence[float]) -> None:
         """Let the plant run on to the next tick with the actuators as they are; raises ValueError when it cannot."""
-        self._inputs[2:] = air
-        self._air_inlet_c, self._condenser_inlet_c = air[1], air[3]
+        self._inputs[2:] = (*air, *car)
         self._outputs = self._plant.step(self._inputs, self._sample_time_s).tolist()
+        self._air_inlet_c, self._condenser_inlet_c = air[1], air[3]
+        if self._car is not None:
+            self._air_inlet_c, self._condenser_inlet_c = float(self._car.acted[3]), float(self._car.acted[5])
 
     def _announce(self, time_s: float, node: str, does: str) -> None:
         self._does[node] = does
         self.events.append({"time_s": time_s, "node": node, "what": does or AS_USUAL})
 
 
-def _series(made: NDArray[np.float64], plan: Schedule) -> dict[str, NDArray[np.float64]]:
+def _series(made: dict[str, NDArray[np.float64]], plan: Schedule) -> dict[str, NDArray[np.float64]]:
     """Return all recorded series, in their usual order: what the loop has made, and what was played to it."""
-    columns = dict(zip(_MADE, made.T, strict=True))
+    columns = made | dict(zip(CAR_SERIES, plan.car.T, strict=False))  # none without a car
     columns |= dict(zip(topics_of("reference", Reference), plan.reference.T, strict=True))
     columns |= dict(zip([BY_NAME[topic].series[0] for topic in AIR_SIDE], plan.air.T, strict=True))
     for kind, sizes in zip(KINDS, plan.faults.T, strict=True):
         columns[schedule_of(kind)] = columns[truth_of(kind)] = sizes
-    return {key: columns[key].copy() for key in SERIES if key in columns}
+    return {key: columns[key].copy() for key in (*SERIES, *CAR_SERIES, *CABIN_SERIES) if key in columns}

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ac_common.errors import UserError, shortened
 from ac_common.units import RPM
@@ -133,11 +133,15 @@ def _unit(header: str, otherwise: float, where: str) -> float:
 
 def compressor_speed(cycle: DriveCycle, time_s: float, driveline: Driveline | None = None) -> float:
     """Return the compressor speed (rad/s) at a time into the cycle; past its end the last speed stays."""
-    d = driveline or Driveline()
-    speed = float(np.interp(time_s, cycle.time_s, cycle.speed_m_s))
-    gear = sum(speed > shift for shift in d.shift_speeds_m_s)
-    wheels = speed / d.wheel_radius_m * d.gear_ratios[gear] * d.final_drive
-    return d.pulley_ratio * max(wheels, d.idle_rpm * RPM)
+    return float(belt_speed(np.interp(time_s, cycle.time_s, cycle.speed_m_s), driveline))
+
+
+def belt_speed(vehicle_m_s: ArrayLike, driveline: Driveline | None = None) -> NDArray[np.float64]:
+    """Return the speed (rad/s) of a compressor on the belt at these vehicle speeds, of the same shape."""
+    d, speed = driveline or Driveline(), np.asarray(vehicle_m_s, dtype=np.float64)
+    gear = np.searchsorted(d.shift_speeds_m_s, speed, side="left")  # of a shift speed itself the lower one
+    wheels = speed / d.wheel_radius_m * np.array(d.gear_ratios)[gear] * d.final_drive
+    return np.asarray(d.pulley_ratio * np.maximum(wheels, d.idle_rpm * RPM))
 
 
 @dataclass(frozen=True)

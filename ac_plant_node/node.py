@@ -22,13 +22,19 @@ from numpy.typing import NDArray
 from ac_common.faults import COMPONENT_KINDS
 from ac_common.health import PlantReport
 from ac_common.safe_command import COMMAND_HOLD_S, CommandHold
-from ac_common.signals import Performance
+from ac_common.signals import Cabin, Performance
 from ac_common.topics import AIR_SIDE, CLOCK, PLANT, Topic
 from ac_plant_node.rest import rest_at
 from ac_ros_common.loop_node import LoopNode, run_node
 from ac_ros_common.parameters import MODE, OPERATING_POINT, SAMPLE_TIME, Parameter
 from ac_ros_common.realtime import Latencies
 
+#: Fields of `ac_plant_node.cabin.CabinState` that are parameters: default, meaning, range.
+CABIN = (
+    ("air_c", 30.0, "air of the cabin, degC,", -50.0, 150.0),
+    ("interior_c", 30.0, "interior of the cabin, degC,", -50.0, 150.0),
+    ("humidity_ratio", 0.01, "humidity ratio of its air", 0.0, 1.0),
+)
 PARAMETERS = (
     OPERATING_POINT,
     SAMPLE_TIME,
@@ -45,6 +51,11 @@ PARAMETERS = (
         False,
         "lockstep: whether each tick waits for `component/faults`, not only takes them",
     ),
+    Parameter("in_car", False, "whether the plant is in a car, whose drive `scenario/car` plays"),
+    *(
+        Parameter(f"cabin.{name}", value, f"in a car: {text} at the start", low, high)
+        for name, value, text, low, high in CABIN
+    ),
     Parameter("ticks", 0, "stop after this many ticks; 0: never", low=0, high=2**31 - 1),
 )
 NO_FAULTS = (0.0,) * len(COMPONENT_KINDS)
@@ -57,6 +68,9 @@ LATE_SHARE = 0.5
 MOST_TOLD = 200
 #: What a model of somebody else's has of what ours tells for evaluation.
 _UNTOLD = Performance(*[math.nan] * len(Performance._fields))
+_UNTOLD_CABIN = Cabin(*[math.nan] * len(Cabin._fields))
+#: What is played to a car beside its air.
+DRIVE = "scenario/car"
 
 
 class Model(Protocol):
@@ -70,7 +84,7 @@ class Model(Protocol):
         inputs : ndarray, shape (n,)
             As many as `PlantNode.make_model` gives, 4 to 7: compressor speed [rad/s], valve opening [0..1], air flow
             [kg/s], air inlet temperature [degC]; air flow at the condenser [kg/s], its inlet temperature [degC],
-            relative humidity at the evaporator's inlet [0..1].
+            relative humidity at the evaporator's inlet [0..1]. In a car 12, as `ac_plant_node.car.Car` takes them.
         duration_s : float
 
         Returns
@@ -112,14 +126,29 @@ class PlantNode(LoopNode):
 
         point = self.value("operating_point")
         rest = OperatingPoint(point, **rest_at(point))  # type: ignore[arg-type]
+        if self.value("in_car"):
+            return self._make_car(rest.inputs)
         # Compiled code is loaded with the first step: here, not in the first tick.
         Plant.at(rest).step(rest.inputs, self.value("sample_time_s"))
         return Plant.at(rest), rest.inputs, rest.outputs
 
+    def _make_car(self, inputs: NDArray[np.float64]) -> tuple[Model, NDArray[np.float64], NDArray[np.float64]]:
+        """Return the car, with the plant's inputs at rest and those of a car that stands, and the plant's outputs."""
+        from ac_plant_node.cabin import CabinState
+        from ac_plant_node.car import N_CAR, Car
+
+        cabin = CabinState(**{name: self.value(f"cabin.{name}") for name, *_ in CABIN})
+        held = np.zeros(N_CAR)
+        held[: len(inputs)] = inputs
+        Car(self.value("operating_point"), cabin).step(held, self.value("sample_time_s"))
+        car = Car(self.value("operating_point"), cabin)
+        return car, held, car.outputs
+
     def configure(self) -> None:
         """Put the plant at rest at its operating point."""
         self._plant, inputs, outputs = self.make_model()
-        self._held = np.array(rest_at(self.value("operating_point"))["inputs"])
+        at_rest = np.array(rest_at(self.value("operating_point"))["inputs"])
+        self._held = np.concatenate([at_rest, inputs[len(at_rest) :]])
         self._taken = len(inputs)  # how many of them the model takes
         self._held[: self._taken] = inputs
         self._plant_outputs = np.array(outputs, dtype=np.float64)
@@ -136,15 +165,17 @@ class PlantNode(LoopNode):
         if not self._realtime:
             self.add_output(Topic("clock", CLOCK, "simulated time", PLANT), "/clock")
         self._faults: tuple[float, ...] = NO_FAULTS
+        self._in_car: bool = self.value("in_car")
+        played = (*AIR_SIDE, DRIVE) if self._in_car else AIR_SIDE
         faults = "component/faults"
         waits = not self._realtime and self.value("component_faults")
         if not waits:
             self.on_tick((faults,), self._broken)
         if self._realtime:
-            self.on_tick(AIR_SIDE, self._ventilated, holds_s=dict.fromkeys(AIR_SIDE, math.inf))
+            self.on_tick(played, self._ventilated, holds_s=dict.fromkeys(played, math.inf))
             self.on_tick(("actuator/command",), self._commanded)
         else:
-            self.on_tick(("actuator/command", *AIR_SIDE, *((faults,) if waits else ())), self._commanded)
+            self.on_tick(("actuator/command", *played, *((faults,) if waits else ())), self._commanded)
 
     def started(self) -> None:
         """Publish the first tick."""
@@ -181,9 +212,12 @@ class PlantNode(LoopNode):
         self.send(time_ns, "plant/evaporator_pressure", p_e)
         self.send(time_ns, "plant/superheat", superheat)
         self.send(time_ns, "plant/wall_temperature", wall)
-        self.send(time_ns, "plant/air_inlet_temperature", float(self._held[3]) + self._faults[INLET_SENSOR])
+        acted = getattr(self._plant, "acted", self._held)
+        self.send(time_ns, "plant/air_inlet_temperature", float(acted[3]) + self._faults[INLET_SENSOR])
         self.send(time_ns, "plant/condenser_pressure", p_c)
-        self.send(time_ns, "plant/condenser_air_inlet_temperature", float(self._held[5]))
+        self.send(time_ns, "plant/condenser_air_inlet_temperature", float(acted[5]))
+        if self._in_car:
+            self.send(time_ns, "plant/car", *getattr(self._plant, "cabin", _UNTOLD_CABIN))
         *joints, vent, subcooling = getattr(self._plant, "performance", _UNTOLD)
         self.send(time_ns, "plant/performance", *joints)
         self.send(time_ns, "plant/vent_temperature", vent)
@@ -297,10 +331,11 @@ class PlantNode(LoopNode):
         from ac_plant_node import Plant
         from ac_plant_node.dynamics.balances import STATE_NAMES
 
-        if not isinstance(self._plant, Plant):
+        plant = getattr(self._plant, "plant", self._plant)  # of a car
+        if not isinstance(plant, Plant):
             return {}  # a model of somebody else's
-        state = dict(zip(STATE_NAMES, self._plant.state.tolist(), strict=True))
-        return {"internal_state": state, "performance": self._plant.performance._asdict()}
+        state = dict(zip(STATE_NAMES, plant.state.tolist(), strict=True))
+        return {"internal_state": state, "performance": plant.performance._asdict()}
 
 
 def main() -> int:

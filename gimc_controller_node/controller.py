@@ -9,10 +9,16 @@ structure does, instead of inverting V~):
 
 What is read back is the command after its limits, in size and in rate: the states then stay consistent with what the
 plant really gets, which is the anti-windup of this form.
+
+The command's coordinates are deviations from rest, `v = [N - N_0, alpha - alpha_0]`; in a design for the whole envelope
+they are logarithmic, `ln(1 + c v) / c`: the plant's gains from them to the outputs vary far less over the envelope than
+those from speed and opening. U~, V~ and q are then what they are in the paper, in these coordinates.
 """
 
-from dataclasses import dataclass, field
-from typing import Protocol
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +30,19 @@ Vector = NDArray[np.float64]
 Command = NDArray[np.float64]
 
 
+LARGEST_EXPONENT = 50.0
+"""Of a command over its value at rest: any beyond is out of all limits, and would overflow."""
+
+NO_APPROACH_K = -1e3
+"""An approach that no superheat comes near."""
+
+LEAST_SHARE = -1.0 + 1e-9
+"""Least that a logarithm is taken of, less one: a command that is wanted far below its limits has one, too."""
+
+
 @dataclass(frozen=True)
 class ControllerDesign:
-    """Sampled U~ and V~ of one operating point, in deviations from it.
+    """Sampled U~ and V~ of one operating point, in deviations from it, or of the whole envelope.
 
     Attributes
     ----------
@@ -51,6 +67,11 @@ class ControllerDesign:
         How far the references of p_e [Pa] and SH [K] may run ahead of the loop; designs without it do not care.
     lag_s : ndarray, shape (2,)
         Time constants with which the loop is taken to follow them [s].
+    curvature : ndarray, shape (2,)
+        c of the logarithmic coordinates [s/rad, 1], below `1 / command_rest`; zero: speed and opening themselves.
+    approach_k : float
+        By how much the refrigerant at the evaporator's outlet has to stay colder than the air at its inlet [K]: a
+        superheat beyond is not asked for; `NO_APPROACH_K`: any is.
     """
 
     phi: Vector
@@ -65,14 +86,29 @@ class ControllerDesign:
     priority: Vector = field(default_factory=lambda: np.eye(2))
     lead: Vector = field(default_factory=lambda: np.full(2, np.inf))
     lag_s: Vector = field(default_factory=lambda: np.ones(2))
+    curvature: Vector = field(default_factory=lambda: np.zeros(2))
+    approach_k: float = NO_APPROACH_K
 
     @classmethod
-    def from_arrays(cls, arrays: Arrays) -> "ControllerDesign":
+    def from_arrays(cls, arrays: Arrays) -> Self:
         """Return the design from the arrays that the cache stores; those of older bags may lack what came later."""
-        free = {"command_rate": np.full(2, np.inf), "lead": np.full(2, np.inf)}
+        free = {"command_rate": np.full(2, np.inf), "lead": np.full(2, np.inf), "curvature": np.zeros(2)}
         known = {**free, "lag_s": np.ones(2), "priority": np.eye(2), **arrays}
-        matrices = {name: np.ascontiguousarray(known[name]) for name in cls.__dataclass_fields__}
-        return cls(**{**matrices, "sample_time_s": float(arrays["sample_time_s"])})  # type: ignore[arg-type]
+        own = [one for one in fields(cls) if one.name in known]
+        numbers = {one.name: float(known[one.name]) for one in own if one.type is float}
+        matrices = {one.name: np.ascontiguousarray(known[one.name]) for one in own if one.name not in numbers}
+        return cls(**{**matrices, **numbers})  # type: ignore[arg-type]
+
+    def coordinates(self, command: Command) -> Vector:
+        """Return the coordinates [rad/s, 0..1] of a command within the limits [rad/s, 0..1], shape (2,)."""
+        above, c = command - self.command_rest, self.curvature
+        return above if not c.any() else _each(_logarithm, above, c)
+
+    def command_at(self, coordinates: Vector) -> Command:
+        """Return the command [rad/s, 0..1] at these coordinates [rad/s, 0..1], shape (2,)."""
+        c = self.curvature
+        above: Vector = coordinates if not c.any() else _each(_exponential, coordinates, c)
+        return above + self.command_rest
 
     def try_out(self) -> None:
         """Work for one tick: matrices that do not fit show here, not when the loop runs."""
@@ -98,7 +134,7 @@ class Controller(Protocol):
         measurement : ndarray, shape (2,)
             The same two, as measured.
         q : ndarray, shape (2,)
-            The compensator's signal [rad/s, 0..1]; zero when there is none.
+            The compensator's signal in the command's coordinates [rad/s, 0..1]; zero when there is none.
         """
 
     def sent(self, command: Command) -> None:
@@ -128,19 +164,16 @@ class GimcController(Controller):
         self._output = np.ascontiguousarray(np.hstack([design.c, design.d]))
         self._update = np.ascontiguousarray(np.hstack([design.phi, design.gamma]))
         self._wanted, self._next = np.zeros(2), np.zeros(n)
-        self._rest = design.command_rest
 
     def step(self, reference: Vector, measurement: Vector, q: Vector) -> Command:
         """Return the command that is wanted: `w = C xi + D (r - y) + q`, from the operating point on."""
         np.subtract(reference, measurement, out=self._error)
         np.dot(self._output, self._seen, out=self._wanted)
-        wanted: Command = self._wanted + q
-        wanted += self._rest
-        return wanted
+        return self.design.command_at(self._wanted + q)
 
     def sent(self, command: Command) -> None:
         """Step the state over this tick with the command that the plant gets."""
-        np.subtract(command, self._rest, out=self._deviation)
+        self._deviation[:] = self.design.coordinates(command)
         np.dot(self._update, self._in, out=self._next)
         self._state[:] = self._next
 
@@ -151,5 +184,17 @@ class GimcController(Controller):
         """
         design = self.design
         at_rest = np.linalg.solve(np.eye(self._n) - design.phi, design.gamma[:, 2:])  # xi under a unit command held
-        missing = command - design.command_rest - design.d @ (reference - measurement)
+        missing = design.coordinates(command) - design.d @ (reference - measurement)
         self._state[:] = at_rest @ np.linalg.lstsq(design.c @ at_rest, missing, rcond=None)[0]
+
+
+def _each(of: Callable[[float, float], float], values: Vector, curvature: Vector) -> Vector:
+    return np.array([of(value, c) for value, c in zip(values.tolist(), curvature.tolist(), strict=True)])
+
+
+def _logarithm(above: float, c: float) -> float:
+    return math.log1p(max(c * above, LEAST_SHARE)) / c if c else above
+
+
+def _exponential(coordinate: float, c: float) -> float:
+    return math.expm1(min(c * coordinate, LARGEST_EXPONENT)) / c if c else coordinate

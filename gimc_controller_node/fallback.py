@@ -86,3 +86,8 @@ class FallbackController:
         self.mode = SAFE
         self._command = towards(self._command, self._safe, self._sample_time_s)
         return self._command
+
+    def drive(self, belt_speed_rad_s: float) -> None:
+        """Take the compressor's speed on the belt as given in the next step; 0: there is none, it is commanded."""
+        if belt_speed_rad_s > 0.0:
+            self._controller.drive(belt_speed_rad_s)

@@ -54,6 +54,7 @@ class LimitedController:
             for lead, lag_s in zip(design.lead.tolist(), design.lag_s.tolist(), strict=True)
         ]
         (self._cost_speed, self._cost_both), (_, self._cost_valve) = design.priority.tolist()
+        self._is_curved = design.curvature.any()
         self._caps = (math.inf, math.inf)
         self.at_limit = (False, False)
 
@@ -106,6 +107,14 @@ class LimitedController:
         """
         self._caps = (speed_rad_s, opening)
 
+    def drive(self, speed_rad_s: float) -> None:
+        """Take the compressor's speed as given from now on: an engine turns it, and only the valve is commanded.
+
+        Cap and rate of the speed have no say then; the command states the speed that there is.
+        """
+        self._low[0] = self._high[0] = speed_rad_s
+        self._stride[0] = math.inf
+
     def warm_restart(self, command: Command, measurement: Vector, reference: Vector) -> None:
         """Take over from whatever moves the actuators now, without a jump.
 
@@ -143,7 +152,21 @@ class LimitedController:
     def _nearest(
         self, speed: float, valve: float, speeds: tuple[float, float], valves: tuple[float, float]
     ) -> tuple[float, float]:
-        """Return the command within the limits nearest to the one wanted, which is beyond them: it is on an edge."""
+        """Return the command within the limits nearest to the one wanted, which is beyond them: it is on an edge.
+
+        Nearest in the coordinates in which the design is linear.
+        """
+        if self._is_curved:
+            to, low, high = self.design.coordinates, *np.transpose([speeds, valves])
+            (x, y), least, most = (to(np.array(one)).tolist() for one in ((speed, valve), low, high))
+            nearest = self._nearest_in(x, y, (least[0], most[0]), (least[1], most[1]))
+            sent = np.clip(self.design.command_at(np.array(nearest)), low, high)
+            return float(sent[0]), float(sent[1])
+        return self._nearest_in(speed, valve, speeds, valves)
+
+    def _nearest_in(
+        self, speed: float, valve: float, speeds: tuple[float, float], valves: tuple[float, float]
+    ) -> tuple[float, float]:
         own, both, other = self._cost_speed, self._cost_both, self._cost_valve
         edges = [(edge, _within(valve - both / other * (edge - speed), valves)) for edge in speeds]
         edges += [(_within(speed - both / own * (edge - valve), speeds), edge) for edge in valves]

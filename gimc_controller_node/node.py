@@ -10,6 +10,7 @@ import sys
 
 import numpy as np
 
+from ac_common.signals import CarSide
 from ac_common.topics import CONTROLLER
 from ac_ros_common.loop_node import LoopNode, run_node
 from ac_ros_common.parameters import (
@@ -40,6 +41,7 @@ PARAMETERS = (
         "",
         "class of a controller of yours, my_module.MyClass, found from the folder where the node is started; empty: K0",
     ),
+    Parameter("in_car", False, "whether `scenario/car` tells the speed that a belt gives the compressor"),
     *(
         Parameter(f"protection.{name}", getattr(ProtectionLimits(), name), text, low, high)
         for name, (low, high, text) in LIMITS.items()
@@ -77,6 +79,7 @@ class ControllerNode(LoopNode):
         self._joins = self.run_start_ns >= 0
         self._waited_s = 0.0
         self._unheard_s = DISCOVERY_S if self._joins else 0.0
+        drive = ("scenario/car",) if self.value("in_car") else ()
         self.on_tick(
             (
                 "reference/evaporator_pressure",
@@ -84,9 +87,11 @@ class ControllerNode(LoopNode):
                 "measured/evaporator_pressure",
                 "measured/superheat",
                 "compensator/q",
+                *drive,
             ),
             self._step,
             holds_s={
+                **dict.fromkeys(drive, math.inf),
                 "reference/evaporator_pressure": math.inf,
                 "reference/superheat": math.inf,
                 "measured/evaporator_pressure": MEASUREMENT_HOLD_S,
@@ -107,7 +112,9 @@ class ControllerNode(LoopNode):
         reference, measured = np.array(values[:2]), np.array(values[2:4])
         if self._joins and not self._take_over(measured, reference):
             return
-        q = None if values[4] is None else np.array(values[4:])
+        q = None if values[4] is None else np.array(values[4:6])
+        if len(values) > 6:
+            self._controller.drive(CarSide(*values[6:]).belt_speed)
         self._send(time_ns, self._controller.step(reference, measured, q))
 
     def _on_missed_inputs(self, time_ns: int) -> None:

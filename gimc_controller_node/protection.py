@@ -85,6 +85,9 @@ class ProtectionLimits:
         )
 
 
+ON_THE_BELT = ProtectionLimits(lowest_pressure_pa=0.0)
+"""Limits where an engine turns the compressor: no cap on its speed would be heard, and p_e is nobody's to hold."""
+
 UP = 0.2
 """How fast a cap goes up, as a part of how fast it comes down."""
 

@@ -1,6 +1,7 @@
 """A node's recorded messages tick by tick, and its new answers compared with them."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -71,13 +72,13 @@ class Tick:
     outputs: dict[str, bytes] = field(default_factory=dict)
 
 
-def by_tick(raw: RawBag, node: str) -> list[Tick]:
+def by_tick(raw: RawBag, node: str, topics: Sequence[Topic] = TOPICS) -> list[Tick]:
     """Return the recorded inputs and outputs of a node, stamps counted from the first one, in order of time."""
     ticks: dict[int, Tick] = {}
-    messages = {topic.name: loop_messages(raw, topic) for topic in TOPICS}
+    messages = {topic.name: loop_messages(raw, topic) for topic in topics}
     first = min((stamp_ns(found[0]) for found in messages.values() if found), default=0)
     wanted = 0
-    for topic in TOPICS:
+    for topic in topics:
         if topic.publisher != node and node not in topic.subscribers:
             continue
         wanted += node in topic.subscribers

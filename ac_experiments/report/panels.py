@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.faults import FAULTS, ISOLABLE, ISOLABLE_KINDS, Fault
-from ac_common.topics import PERFORMANCE_SERIES, residual_of, truth_of
+from ac_common.topics import CABIN_SERIES, CAR_SERIES, PERFORMANCE_SERIES, residual_of, truth_of
 from ac_common.units import KPA, RPM
 from ac_experiments.metrics import fault_summaries
 from ac_experiments.recording import Recording
@@ -162,7 +162,8 @@ def panels_of(recording: Recording, both: bool) -> list[Panel]:
     """List the panels of a run, drawn beside another run or not.
 
     p_e, SH, N, valve, r_N, r_p; the faults that no filter is for, by their kind, when they are there; q_N, q_valve when
-    a compensator acts; T_w, p_c; cooling, vents, subcooling, water when some condenses; of the air side what moves.
+    a compensator acts; T_w, p_c; cooling, vents, subcooling, water when some condenses; cabin, vehicle,
+    condenser's air and humidity in a car; of the air side what moves.
     """
     look = _Look.of(recording, both)
     reference = partial(Line, name="reference", colour=BLACK, dash="dash", width=1.2)
@@ -185,7 +186,28 @@ def panels_of(recording: Recording, both: bool) -> list[Panel]:
     p_c = Line("plant/condenser_pressure", f"actual{look.tag}", look.own, width=2.2)
     beside = Line("plant/condenser_pressure", f"actual, {look.theirs}", look.other, "dashdot")
     panels.append(Panel("p_c", "Condenser pressure", "p<sub>c</sub>, kPa", KPA, (p_c,), (beside,), least_range=1.0))
-    return [*panels, *_performance(recording, look), *(panel for panel in _AIR if _varies(recording, panel.own[0].key))]
+    moving = (panel for panel in _AIR if _varies(recording, panel.own[0].key))
+    return [*panels, *_performance(recording, look), *_car(recording, look), *moving]
+
+
+def _car(recording: Recording, look: _Look) -> list[Panel]:
+    """Return the panels of a car: how it moves, and what comes of its cabin; none without one."""
+    cabin_air, interior, humidity, condenser_air = CABIN_SERIES
+    if not _acts(recording, cabin_air):
+        return []
+    cabin = (
+        Line("scenario/condenser_air_inlet_temperature", "outside", GREY, "dash"),
+        Line(interior, "interior", ORANGE),
+        Line("plant/vent_temperature", "vents", SKY),
+        Line(cabin_air, "cabin air", look.own, width=2.2),
+    )
+    vehicle = Line(CAR_SERIES[0], "vehicle", look.own)
+    return [
+        Panel("cabin", "Cabin and vents", "T, °C", 1.0, cabin),
+        Panel("vehicle", "Vehicle speed", "km/h", 1 / 3.6, (vehicle,), least_range=1.0),
+        _air("front_end", condenser_air, "Air through the condenser", "m<sub>ca</sub>, kg/s", 0.01),
+        _air("breath", humidity, "Relative humidity of the air into the evaporator", "%", 1.0, 0.01),
+    ]
 
 
 def _air(key: str, series: str, title: str, y_title: str, least: float, per_unit: float = 1.0) -> Panel:

@@ -6,8 +6,7 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from ac_common.signals import Performance
-from ac_common.topics import PERFORMANCE_SERIES
+from ac_experiments.energy import COMFORT_C, car_figures, energies_j, performance_of
 from ac_experiments.metrics import WINDOW_S
 from ac_experiments.recording import Recording
 from ac_experiments.report.parts import Part, Table, Words, cell
@@ -23,16 +22,6 @@ _ROWS = (
     ("cop", "COP: cooling over compressor power", "", 1.0, ".2f"),
     ("subcooling", "Subcooling", "K", 1.0, ".2f"),
 )
-
-
-def performance_of(recording: Recording) -> dict[str, NDArray[np.float64]]:
-    """Return the fields of `ac_common.signals.Performance` of a run, each (ticks,), SI; {} where nobody has told."""
-    values = {
-        name: recording.series[key]
-        for name, key in zip(Performance._fields, PERFORMANCE_SERIES, strict=True)
-        if key in recording.series and np.isfinite(recording.series[key]).any()
-    }
-    return values if len(values) == len(Performance._fields) else {}
 
 
 def figures(values: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:
@@ -55,11 +44,27 @@ def performance_table(recording: Recording) -> list[Part]:
     rows = [
         [name, unit, cell(run[key] / si, digits), cell(end[key] / si, digits)] for key, name, unit, si, digits in _ROWS
     ]
-    seconds = len(recording.time_s) * recording.metadata["sample_time_s"]
+    joules = energies_j(recording)
+    work, cooling = joules["compressor"], joules["cooling"]
     energy = Words(
-        f"Energy over the run: {run['cooling'] * seconds / 3.6e6:.3f} kWh of cooling for "
-        f"{run['compressor_power'] * seconds / 3.6e6:.3f} kWh of compressor work.",
+        f"Energy over the run: {cooling / 3.6e6:.3f} kWh ({cooling / 1e3:.0f} kJ) of cooling for "
+        f"{work / 3.6e6:.3f} kWh ({work / 1e3:.0f} kJ) of compressor work.",
         "note",
     )
     heads: list[str | Markup] = ["Means", "Unit", "Whole run", f"Last {WINDOW_S:g} s"]
-    return [Table(heads, rows), energy]
+    return [Table(heads, rows), energy, *_car(recording)]
+
+
+def _car(recording: Recording) -> list[Part]:
+    """Return what a run has made of a car; nothing without one."""
+    car = car_figures(recording)
+    if car is None:
+        return []
+    rows = [
+        ["Air of the cabin", "°C", cell(car.cabin_c, ".2f")],
+        ["Interior of the cabin", "°C", cell(car.interior_c, ".2f")],
+        ["Air at the vents", "°C", cell(car.vent_c, ".2f")],
+        [f"Cabin cooled to {COMFORT_C:g} °C after", "min", cell(car.comfort_s / 60.0, ".1f")],
+        ["Distance", "km", cell(car.distance_m / 1e3, ".2f")],
+    ]
+    return [Table(["The car at the end", "Unit", ""], rows)]

@@ -95,6 +95,13 @@ TIME_PLOTS = (
         1.0,
     ),
     TimePlot("air", "Air mass flow, g/s", (Line("air_flow", "evaporator", GREEN),), 5.0, "0.0"),
+    TimePlot(
+        "vents",
+        "Vents and cabin, °C",
+        (Line("vents", "vents", BLUE), Line("cabin", "cabin air, in a car", ORANGE)),
+        2.0,
+        "0.0",
+    ),
     *(plot for kind, plot in _FAULTS.items() if kind not in _FIRST),
     TimePlot("other_faults", "Other faults injected, % of the largest", _OTHERS, 5.0, "0.0"),
 )

@@ -10,7 +10,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from ac_common.errors import RunError, UserError, one_line
-from ac_common.topics import PLANT, RECORDER
+from ac_common.topics import PLANT, RECORDER, topics_in
 from ac_experiments.designs import write_designs_of
 from ac_experiments.scenario import check
 from ac_plant_node.rest import prepare
@@ -95,7 +95,10 @@ class PrivateGraph:
             write_designs_of(self._scenario, self._log)
             self._is_prepared.set()
             children, environment = self._starter.children, self._starter.environment
-            with Supervisor(children, environment, revive=self._revive, is_over=self._ends.is_set) as supervisor:
+            topics = topics_in(self._scenario.car is not None)
+            with Supervisor(
+                children, environment, revive=self._revive, is_over=self._ends.is_set, topics=topics
+            ) as supervisor:
                 supervisor.activate([name for name in ACTIVATION_ORDER if name in children])
                 while True:
                     supervisor.spin()

@@ -16,7 +16,7 @@ import numpy as np
 
 from ac_common.faults import ISOLABLE, ISOLABLE_KINDS, UNFILTERED, Fault
 from ac_common.fdi_status import StatusRow
-from ac_common.topics import AIR, BY_NAME, COMPRESSOR, VALVE, residual_of, truth_of
+from ac_common.topics import AIR, BY_NAME, CAR, COMPRESSOR, VALVE, residual_of, truth_of
 from ac_common.units import KPA, RPM
 
 #: Least time between two rows, s: more often nobody can see.
@@ -58,6 +58,8 @@ COLUMNS = (
     ("air_flow", f"scenario/air:{AIR}", 0.001),
     ("air_inlet", "scenario/air_inlet_temperature", 1.0),
     ("humidity", "scenario/air_humidity", 0.01),
+    ("vents", "plant/vent_temperature", 1.0),
+    ("cabin", "plant/car:cabin_air", 1.0),
     *((fault.symbol, truth_of(fault.kind), fault.si) for fault in ISOLABLE),
     *((fault.symbol, truth_of(fault.kind), fault.largest_si / 100.0) for fault in UNFILTERED),
     *((fault.residual_symbol, residual_of(fault.kind), fault.si) for fault in ISOLABLE),
@@ -70,8 +72,11 @@ TOPIC_NAMES = tuple(dict.fromkeys(series.partition(":")[0] for _, series, _ in C
 
 _PLACE = {series: (i, unit) for i, (_, series, unit) in enumerate(COLUMNS, start=1)}
 _SILENT = {key for topic in BY_NAME.values() if topic.silent_at_zero for key in topic.series}
+UNAWAITED = _SILENT | {key for topic in CAR for key in topic.series}
+"""Series that a row does not wait for: what is silent at zero, and what only a run with a car has."""
 _EMPTY = [math.nan, *(0.0 if series in _SILENT else math.nan for _, series, _ in COLUMNS)]
 """A row of which nothing is known yet; what is silent at zero may say nothing at all."""
+_AWAITED = [place for series, (place, _) in _PLACE.items() if series not in UNAWAITED]
 
 Row = tuple[float, ...]
 
@@ -122,7 +127,7 @@ class Rows:
                     place, unit = _PLACE[series]
                     row[place] = value / unit
             row[0] = (time_ns - self._first_ns) / 1e9
-            if not any(map(math.isnan, row)):
+            if not any(math.isnan(row[place]) for place in _AWAITED):
                 self._close(time_ns)
             elif len(self._waiting) > MOST_WAITING:
                 self._close(min(self._waiting))

@@ -22,10 +22,19 @@ class GraphAudit:
     health
         Last health report of each node, kept up to date by its owner: it tells how many subscribers its outputs have
         found.
+    topics
+        Those that have messages in this run.
     """
 
-    def __init__(self, node: Any, names: Collection[str], users: Collection[str], health: Reports) -> None:
-        self._node, self._names, self._users, self._health = node, names, users, health
+    def __init__(
+        self,
+        node: Any,
+        names: Collection[str],
+        users: Collection[str],
+        health: Reports,
+        topics: Collection[Topic] = TOPICS,
+    ) -> None:
+        self._node, self._names, self._users, self._health, self._topics = node, names, users, health, topics
 
     def is_connected(self, name: str) -> bool:
         """Whether every output of a node has the subscribers that this graph holds, on top of anybody else's."""
@@ -46,7 +55,7 @@ class GraphAudit:
         """Whether every topic that is a node's to publish, and on which another node acts, has it for a publisher."""
         return all(
             any(_is(name, writer) for writer in self._node.get_publishers_info_by_topic(f"{NAMESPACE}/{topic.name}"))
-            for topic in TOPICS
+            for topic in self._topics
             if topic.publisher == name and topic.subscribers
         )
 
@@ -103,7 +112,7 @@ class GraphAudit:
         recorded = 1 if RECORDER in self._names else 0
         wanted = {
             topic.name: recorded + sum(self._reads(reader, topic) for reader in self._names)
-            for topic in TOPICS
+            for topic in self._topics
             if topic.publisher == name
         }
         if name == PLANT and "clock" in self._health.of(name).subscribers:

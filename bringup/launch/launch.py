@@ -3,7 +3,7 @@
 import shlex
 import signal
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from ac_common.errors import InterruptedRunError, RunError, UserError
 from ac_common.health import MissedTick, Restart, missed_ticks
-from ac_common.topics import NAMESPACE, PLANT, RECORDER
+from ac_common.topics import NAMESPACE, PLANT, RECORDER, Topic, topics_in
 from ac_experiments.bags.recorder import mend
 from ac_experiments.designs import write_designs_of
 from ac_experiments.scenario_schema import Scenario
@@ -104,8 +104,9 @@ def run_graph(
             # The nodes' alone: the supervisor makes the other one that of this process.
             of_nodes = {**environment, **({AWAKE_VARIABLE: "1"} if idle else {})}
             starter = NodeStarter(parameters, out_dir / "log", of_nodes, user or UserNodes())
+            topics = topics_in(scenario.car is not None)
             at_the_end.callback(_stop_nodes, starter.children)
-            with _started(starter, environment, mode, domain, say) as supervisor:
+            with _started(starter, environment, mode, domain, say, topics) as supervisor:
                 from bringup.launch.run_end import wait_until_done
 
                 prepare(scenario.operating_point)  # meanwhile the nodes are starting
@@ -134,7 +135,14 @@ def _domain() -> Iterator[int]:
         sweep()
 
 
-def _started(starter: NodeStarter, environment: Mapping[str, str], mode: Mode, domain: int, say: Say) -> "Supervisor":
+def _started(
+    starter: NodeStarter,
+    environment: Mapping[str, str],
+    mode: Mode,
+    domain: int,
+    say: Say,
+    topics: Sequence[Topic],
+) -> "Supervisor":
     """Start all nodes, or say how the user is to start those that are theirs; return what manages them."""
     by_hand = starter.user.by_hand
     for name in PROCESSES:
@@ -146,7 +154,8 @@ def _started(starter: NodeStarter, environment: Mapping[str, str], mode: Mode, d
 
     # In lockstep nothing may be lost: there a dead node is the end of the run.
     restart = starter.start_again if mode == "realtime" else None
-    return Supervisor({**starter.children, **dict.fromkeys(by_hand)}, environment, starter.user, restart, say=say)
+    children = {**starter.children, **dict.fromkeys(by_hand)}
+    return Supervisor(children, environment, starter.user, restart, say=say, topics=topics)
 
 
 def _stop_nodes(children: Mapping[str, Child]) -> None:

@@ -11,11 +11,13 @@ from typing import Any, Literal
 from ac_common.design_file import design_name
 from ac_common.topics import COMPENSATOR, CONTROLLER, FDI, INJECTOR, NAMESPACE, PLANT, RECORDER, SCENARIO
 from ac_common.yaml_file import yaml_text
+from ac_experiments.scenario import cabin_of
 from ac_experiments.scenario_schema import Scenario
 from ac_experiments.versions import versions
 from bringup.launch.process_table import PROCESSES
 from bringup.launch.processes import Child, start, stop
 from bringup.launch.user_nodes import UserNodes
+from gimc_controller_node.protection import ON_THE_BELT
 
 Mode = Literal["lockstep", "realtime"]
 
@@ -148,6 +150,12 @@ def _loop_parameters(scenario: Scenario, log: Path, mode: Mode, passive: bool) -
         CONTROLLER: {**timing},
         SCENARIO: {"scenario": json.dumps(scenario.model_dump(mode="json")), "mode": mode},
     }
+    if scenario.car is not None:
+        cabin = vars(cabin_of(scenario.car))
+        parameters[PLANT] |= {"in_car": True, **{f"cabin.{name}": value for name, value in cabin.items()}}
+        parameters[CONTROLLER]["in_car"] = True
+    if scenario.has_belt:
+        parameters[CONTROLLER]["protection.lowest_pressure_pa"] = ON_THE_BELT.lowest_pressure_pa
     if scenario.controller_class:
         parameters[CONTROLLER]["controller_class"] = scenario.controller_class
     for name, given in parameters.items():

@@ -3,7 +3,7 @@
 import os
 import signal
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from typing import Any, Self
 
@@ -14,7 +14,7 @@ from rclpy.parameter import parameter_value_to_python
 
 from ac_common.errors import RunError
 from ac_common.health import BringupReport, HealthReport, Restart
-from ac_common.topics import BRINGUP, NAMESPACE, RECORDER
+from ac_common.topics import BRINGUP, NAMESPACE, RECORDER, TOPICS, Topic
 from ac_ros_common.client_node import client_node
 from ac_ros_common.qos import PLAIN_QOS
 from bringup.launch.graph_audit import GraphAudit
@@ -54,12 +54,14 @@ class Supervisor:
         revive: Revive | None = None,
         is_over: Callable[[], bool] = lambda: False,
         say: Callable[[str], None] = lambda _: None,
+        topics: Sequence[Topic] = TOPICS,
     ) -> None:
         """Manage `children` by name; None stands for a node whose process is somebody else's.
 
         `revive` starts a node that has died again, with some parameters changed; without it such a node is the end.
         `is_over` ends every wait with a `RunError` once it is true. `say` is told at once, in a line each, which node
-        died, that it is back in service, and what is in the graph and does not belong there.
+        died, that it is back in service, and what is in the graph and does not belong there. `topics` are those that
+        have messages in this run.
         """
         self._children = dict(children)
         self._users = user.names if user is not None else ()
@@ -80,7 +82,7 @@ class Supervisor:
         self.node, self._executor = self._stack.enter_context(
             client_node(BRINGUP, NAMESPACE, None if domain is None else int(domain))
         )
-        self._audit = GraphAudit(self.node, tuple(self._children), self._users, self.health)
+        self._audit = GraphAudit(self.node, tuple(self._children), self._users, self.health, topics)
         self._lifecycle = LifecycleClient(self.node, self._children)
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._heard, PLAIN_QOS)
         self.node.create_subscription(ParameterEvent, "/parameter_events", self._parameters_changed, PLAIN_QOS)

@@ -12,7 +12,7 @@ from rclpy.serialization import deserialize_message
 
 from ac_common.design_file import ATTACHMENT, DESIGNED
 from ac_common.health import PlantReport, RecorderReport
-from ac_common.topics import BY_NAME, CLOCK, DIAGNOSTICS, OCCASIONAL, PLANT, RECORDER, TICKED, TOPICS
+from ac_common.topics import BY_NAME, CAR, CLOCK, DIAGNOSTICS, OCCASIONAL, PLANT, RECORDER, TICKED, TOPICS
 from ac_common.wire import stamp_ns
 from ac_experiments.bags.recorder import BagWriter, RecordedTopic
 from ac_ros_common.inputs import Arrival, Subscriptions
@@ -66,6 +66,8 @@ class RecorderNode(LoopNode):
         self._names = [topic.name for topic in topics]
         self._last_ns = 0
         run = json.loads(self.value("run"))
+        if run.get("scenario", {}).get("car") is not None:
+            self._ticked += [self._loop_topics + OCCASIONAL.index(topic) for topic in CAR]
         self._bag = BagWriter(Path(self.value("folder")), topics, run, append=self.value("append"))
         self._raw = Subscriptions(self.context, self._write)
         for topic in topics:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from rclpy.parameter import Parameter as RosParameter
 
+from ac_common.faults import KINDS
 from ac_common.ramp import LiveOffset
 from ac_common.signals import Reference, topics_of
 from ac_common.topics import AIR_SIDE, SCENARIO
@@ -69,8 +70,9 @@ PARAMETERS = (
     Parameter("ramp_s", 0.0, "how long a live change takes, in a straight line; 0: a step", 0.0, 86400.0, live=True),
     *OFFSETS,
 )
-#: Topics of a row of the schedule: references and air, then faults.
+#: Topics of a row of the schedule: references and air, then faults, then what is played to a car.
 PLAYED = (*topics_of("reference", Reference), *AIR_SIDE)
+FAULTS_END = len(PLAYED) + len(KINDS)
 SCHEDULE = "scenario/faults"
 #: How long the references go on by themselves when the plant's messages stay away, s.
 HOLD_S = 0.3
@@ -93,7 +95,8 @@ class ScenarioNode(LoopNode):
         rest = rest_at(scenario.operating_point)
         plan = schedule(scenario, rest["inputs"], rest["outputs"])
         # One array, not lists of lists: a run of hours has some hundred thousand rows.
-        self._rows = np.hstack([plan.reference, plan.air, plan.faults])
+        self._rows = np.hstack([plan.reference, plan.air, plan.faults, plan.car])
+        self._in_car = scenario.car is not None
         self._tick_ns = scenario.tick_ns
         self._start_ns = self.run_start_ns if self.run_start_ns >= 0 else None
         outputs, air = rest["outputs"], rest["inputs"][2:].tolist()
@@ -121,10 +124,12 @@ class ScenarioNode(LoopNode):
             self._start_ns = time_ns
         tick = round((time_ns - self._start_ns) / self._tick_ns)
         row = self._rows[min(tick, len(self._rows) - 1)].tolist()
-        played, faults = row[: len(PLAYED)], row[len(PLAYED) :]
+        played, faults, car = row[: len(PLAYED)], row[len(PLAYED) : FAULTS_END], row[FAULTS_END:]
         time_s = time_ns / 1e9
         more = [unit * offset.value(time_s) for unit, offset in zip(self._units, self._offsets.values(), strict=True)]
         self.send(time_ns, SCHEDULE, *faults)
+        if self._in_car:
+            self.send(time_ns, "scenario/car", *car)
         for topic, value, offset, (low, high) in zip(PLAYED, played, more, self._allowed, strict=True):
             self.send(time_ns, topic, min(max(value + offset, low), high))
 

@@ -1,7 +1,7 @@
 """Stands in for everything around one node: publishes its inputs and collects its outputs, both serialised."""
 
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ac_common.topics import NAMESPACE, TOPICS, Topic
@@ -14,17 +14,17 @@ from bringup.launch.supervisor import Supervisor
 class Feeder:
     """Publishers for a node's inputs, subscriptions to its outputs."""
 
-    def __init__(self, supervisor: Supervisor, node: str) -> None:
+    def __init__(self, supervisor: Supervisor, node: str, topics: Sequence[Topic] = TOPICS) -> None:
         self._supervisor = supervisor
         ros = supervisor.node
         self._publishers = {
             topic.name: ros.create_publisher(message_class(topic.type), f"{NAMESPACE}/{topic.name}", qos_of(topic))
-            for topic in TOPICS
+            for topic in topics
             if node in topic.subscribers
         }
         self._subscriptions: list[Any] = []
         self.got: dict[str, bytes] = {}
-        for topic in TOPICS:
+        for topic in topics:
             if topic.publisher == node:
                 self._subscribe(topic)
 

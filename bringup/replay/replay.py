@@ -1,13 +1,13 @@
 """Feeds a bag's inputs through the real node again, over DDS, and compares its answers with the recorded ones."""
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from ac_common.design_file import ATTACHMENT
 from ac_common.errors import RunError, UserError
-from ac_common.topics import PLANT
+from ac_common.topics import PLANT, Topic, topics_in
 from ac_experiments.bags.comparison import ReplayResult, Tick, by_tick
 from ac_experiments.bags.reader import RawBag, read_raw, run_of
 from ac_experiments.designs import write_designs_of
@@ -53,7 +53,8 @@ def replay(
     if not same_plant(run.get("software", {})):
         msg = f"{bag}: recorded with the plant {run['software']['plant']}, in use is {plant()}; give it with --plant"
         raise UserError(msg)
-    ticks = by_tick(raw, node)
+    topics = topics_in(scenario.car is not None)
+    ticks = by_tick(raw, node, topics)
     domain = Domain()
     try:
         environment = {**ros_environment(), "ROS_DOMAIN_ID": str(domain.number)}
@@ -66,7 +67,7 @@ def replay(
             arguments = node_arguments(node, given, Path(folder))
             child = start(node, arguments, Path(folder), environment)
             try:
-                return _feed(child, environment, ticks, progress)
+                return _feed(child, environment, ticks, topics, progress)
             finally:
                 stop([child])
     finally:
@@ -95,7 +96,11 @@ def _design(raw: RawBag, scenario: Scenario, node: str, folder: Path) -> dict[st
 
 
 def _feed(
-    child: Child, environment: dict[str, str], ticks: list[Tick], progress: Callable[[int, int], None] | None
+    child: Child,
+    environment: dict[str, str],
+    ticks: list[Tick],
+    topics: Sequence[Topic],
+    progress: Callable[[int, int], None] | None,
 ) -> ReplayResult:
     """Feed one tick after another: publish its inputs, wait for all the outputs it had."""
     from bringup.launch.supervisor import Supervisor
@@ -103,7 +108,7 @@ def _feed(
 
     result = ReplayResult(child.name, ticks=len(ticks))
     with Supervisor({child.name: child}, environment) as supervisor:
-        feeder = Feeder(supervisor, child.name)
+        feeder = Feeder(supervisor, child.name, topics)
         supervisor.connect([child.name], feeder.is_matched)
         supervisor.activate([child.name])
         for number, tick in enumerate(ticks):

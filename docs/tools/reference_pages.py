@@ -11,7 +11,7 @@ import click
 
 from ac_common.faults import ISOLABLE, UNKNOWN, units
 from ac_common.fdi_status import StatusRow
-from ac_common.topics import JOINT_FIELD, NAMESPACE, SCALARS, TOPICS
+from ac_common.topics import CAR, JOINT_FIELD, NAMESPACE, SCALARS, TOPICS, Topic
 from ac_common.wire import pack_status, read_diagnostics
 from ac_ros_common.parameters import COMMON, Parameter
 from ac_ros_common.qos import DEADLINE_S, DEPTH
@@ -24,11 +24,7 @@ WRITTEN = "<!-- Written by `python -m docs.tools.reference_pages`; edit {} inste
 
 def topics_page() -> str:
     """Return the content of the page of the topics."""
-    rows = [
-        f"| `{t.name}` | {t.meaning} | {t.type.rpartition('/')[2]}, {t.unit} | {t.publisher} | "
-        f"{', '.join(t.subscribers) or '–'} |"
-        for t in TOPICS
-    ]
+    heads = ["| topic | what | type and unit | from | to |", "|---|---|---|---|---|"]
     status = read_diagnostics(pack_status(0, StatusRow(0.0, False, None, 0.0, 0.0, 0.0, (0.0,) * len(ISOLABLE))))[0]
     joints = ", ".join(f"`{joint}`: `{field}`" for joint, field in JOINT_FIELD.items())
     return "\n".join(
@@ -43,9 +39,15 @@ def topics_page() -> str:
             f"Names are relative to the namespace `{NAMESPACE}`. Values are SI; every message carries the stamp of its",
             "tick, and what carries the same stamp belongs together. The recorder subscribes to all of them.",
             "",
-            "| topic | what | type and unit | from | to |",
-            "|---|---|---|---|---|",
-            *rows,
+            *heads,
+            *map(_row, TOPICS),
+            "",
+            "A run with a car has two more, in every tick, without a deadline. To a car `scenario/air` tells what its",
+            "blower moves, `scenario/condenser_air_inlet_temperature` and `scenario/air_humidity` what outside air is",
+            "like; `scenario/air_inlet_temperature` and `scenario/condenser_air` say nothing to it.",
+            "",
+            *heads,
+            *map(_row, CAR),
             "",
             "Besides: `/clock` (`rosgraph_msgs/Clock`, in lockstep mode, from the plant) and `/diagnostics`",
             "(`diagnostic_msgs/DiagnosticArray`, every node's health, about once a second).",
@@ -67,6 +69,14 @@ def topics_page() -> str:
             "subscriber of your own matches with the defaults. `/clock` and `/diagnostics`: reliable, no deadline.",
             "",
         ]
+    )
+
+
+def _row(topic: Topic) -> str:
+    """Return the row of a topic."""
+    return (
+        f"| `{topic.name}` | {topic.meaning} | {topic.type.rpartition('/')[2]}, {topic.unit} | {topic.publisher} | "
+        f"{', '.join(topic.subscribers) or '–'} |"
     )
 
 

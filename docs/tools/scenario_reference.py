@@ -13,6 +13,7 @@ from pydantic.fields import FieldInfo
 
 from ac_common.fault_profiles import PROFILE_KEYS, unit_profile
 from ac_common.faults import FAULTS, UNKNOWN, Fault, Place
+from ac_experiments.car_schema import CabinStart, Car, CurveWithin
 from ac_experiments.scenario import built_in_scenarios, load
 from ac_experiments.scenario_schema import (
     FAULT_MODELS,
@@ -50,6 +51,19 @@ MEANING = {
     "alone; a class of yours: see [your own controller](how-to/own-controller.md)",
     "references": "references of the controller; its protection raises those below 175 kPa or 8 K to that value",
     "air": "the air at both heat exchangers",
+    "car": "the car around the air conditioner; its air is a result then, and `air` must be left out",
+    "outside_temperature_c": "outside air, which the condenser breathes",
+    "outside_humidity_percent": "its relative humidity",
+    "sun_w_m2": "sun on the car",
+    "people": "people in the car",
+    "recirculation_percent": "share of cabin air in what the evaporator breathes; the rest is outside air",
+    "blower_kg_s": "dry air through the evaporator into the cabin",
+    "vehicle_speed_km_h": "how the car moves: it makes ram air on the condenser, beside a fan, and the engine's speed",
+    "cabin": "air and interior of the cabin at the start, degC; soaked: as after a long stand in the sun",
+    "compressor_drive": "electric: K0 moves compressor and valve; belt: the engine turns the compressor, and a K0 of "
+    "its own has the valve alone; needs `passive: true`, and there is no fault of the compressor's speed",
+    "idle_rpm": "belt: slowest speed of the engine; above it turns with the wheels, in five gears",
+    "pulley_ratio": "belt: compressor over engine speed",
     "faults": "a list of faults; the sum of those of one kind that overlap must stay within the limits of one",
     "noise": "the sensors' noise",
     "at_s": "when the change begins",
@@ -107,6 +121,7 @@ def text() -> str:
         ("references", "Lists of changes from the operating point, each a mapping as below.", References),
         ("air", "Lists of changes from the operating point; the humidity is no change but a value.", Air),
         ("air: drive cycle", "`{file: sc03.csv}`: a drive in place of changes of the air mass flows.", RamAir),
+        ("car", _CAR, Car),
         ("A change", "`{at_s: 100, to: 5.0, ramp_s: 60}`", Change),
         *((f"faults: {fault.kind.replace('_', ' ')}", _remark(fault), FAULT_MODELS[fault.kind]) for fault in FAULTS),
         ("noise", "Standard deviations of Gaussian noise.", Noise),
@@ -123,6 +138,10 @@ def text() -> str:
     return "\n".join([*parts, ""])
 
 
+_CAR = """What is around an air conditioner in a car. Temperature and humidity of the air into the evaporator, the flow
+through the condenser and the cabin follow from it ([the plant](plant.md#11-in-a-car)). A curve is a number, or a list
+of points `[s, value]` that straight lines join: `vehicle_speed_km_h: [[0, 0], [10, 0], [20, 50]]`."""
+
 _PLACES = {Place.ACTUATOR: "an actuator", Place.SENSOR: "a sensor", Place.PLANT: "the plant"}
 
 
@@ -138,6 +157,8 @@ def _meaning(key: str, model: type[BaseModel]) -> str:
         FAULT_MODELS[fault.kind]: (fault.size_key, fault.adds) for fault in FAULTS
     }
     size_key, adds = sizes.get(model, ("", ""))
+    if model is Car and key == "drive_cycle":
+        return "file of a drive in place of `vehicle_speed_km_h`: EPA's two columns, or CSV"
     return adds if key == size_key else MEANING[key]
 
 
@@ -153,6 +174,10 @@ def _allowed(field: FieldInfo) -> str:
         name = getattr(constraint, "func", None)
         if isinstance(name, ControllerName):
             return ", ".join([*(f"`{known}`" for known in name.names), name.otherwise])
+        if isinstance(name, CurveWithin):
+            return f"a curve, {name.lowest:g} to {name.highest:g}"
+        if isinstance(name, CabinStart):
+            return f"`soaked`, or a number, {name.lowest:g} to {name.highest:g}"
         if isinstance(name, SensorChoice):
             return f"`2`, `3`, or a list out of {', '.join(f'`{known}`' for known in name.names)}"
     if get_origin(kind) is list:

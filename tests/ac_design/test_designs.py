@@ -30,7 +30,16 @@ def response(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray, z: comp
 @pytest.mark.parametrize("point", ["low", "med", "high"])
 def test_every_norm_is_what_was_claimed(point: str) -> None:
     reports = all_blocks(point, SAMPLE_TIME_S)
-    assert [report.block for report in reports] == ["K0", "K0_paper", "H_N", "H_p", "Q_both", "Q_act", "Q_sen"]
+    assert [report.block for report in reports] == [
+        "K0",
+        "K0_paper",
+        "K0_belt",
+        "H_N",
+        "H_p",
+        "Q_both",
+        "Q_act",
+        "Q_sen",
+    ]
     for report in reports:
         assert report.achieved <= report.claimed * 1.001, report
         assert report.achieved >= report.lower_bound * 0.999, report

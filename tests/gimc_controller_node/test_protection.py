@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ac_common.health import AS_USUAL
 from ac_common.units import RPM
 from ac_design import design_controller
 from ac_experiments.bags.reader import read_bag
@@ -134,8 +135,12 @@ def test_reference_that_the_plant_must_not_be_asked_for_is_raised_and_announced(
 def test_built_in_scenarios_stay_clear_of_it(name, tmp_path):
     drive = tmp_path / "drive.csv"
     drive.write_text("".join(f"{k},{54.8 * np.sin(0.05 * k) ** 2:.1f}\n" for k in range(601)))
-    overrides = [f"air.drive_cycle.file={drive}"] if name == "sc03" else []
-    assert simulate(load(name, overrides)).metadata["events"] == []
+    files = {"sc03": "car.drive_cycle", "sc03_ram_air": "air.drive_cycle.file"}
+    overrides = [f"{files[name]}={drive}"] if name in files else []
+    events = simulate(load(name, overrides)).metadata["events"]
+    # Where the limiter takes the compressor off load, the valve has more refrigerant than the evaporator can boil.
+    said = {event["what"] for event in events}
+    assert said == ({DRY, AS_USUAL} if name == "idle_in_the_heat" else set())
 
 
 @pytest.mark.ros

@@ -8,9 +8,20 @@ from hypothesis import strategies as st
 
 from ac_common.topics import BY_NAME
 from ac_common.units import KPA, RPM
-from bringup.dash.rows import COLUMNS, MOST_ROWS, MOST_WAITING, NAMES, TOPIC_NAMES, Row, Rows, columns_of
+from bringup.dash.rows import (
+    COLUMNS,
+    MOST_ROWS,
+    MOST_WAITING,
+    NAMES,
+    TOPIC_NAMES,
+    UNAWAITED,
+    Row,
+    Rows,
+    columns_of,
+)
 
 TICK_NS = 100_000_000
+AWAITED = [column for column in COLUMNS if column[1] not in UNAWAITED]
 
 
 def everything(value: float) -> dict[str, float]:
@@ -31,15 +42,26 @@ def test_values_become_those_of_the_people() -> None:
     assert math.isclose(newest["speed"], 1000.0)
 
 
-@given(order=st.permutations(range(len(COLUMNS))), ticks=st.integers(1, 5))
+@given(order=st.permutations(range(len(AWAITED))), ticks=st.integers(1, 5))
 def test_a_row_is_closed_by_its_last_message_in_whatever_order(order: list[int], ticks: int) -> None:
     rows = Rows()
     for k in range(ticks):
         for n, i in enumerate(order):
             assert len(rows.since(1, 0)[2]) == k
-            _, series, unit = COLUMNS[i]
+            _, series, unit = AWAITED[i]
             rows.add(7 + k * TICK_NS, {series: (k + n) * unit})
     np.testing.assert_allclose([row[0] for row in rows.since(1, 0)[2]], np.arange(ticks) * 0.1)
+
+
+def test_a_row_of_a_car_has_its_cabin_and_one_without_waits_for_none() -> None:
+    rows = Rows()
+    without = {series: value for series, value in everything(1.0).items() if series not in UNAWAITED}
+    rows.add(0, without)
+    assert np.isnan(rows.newest["cabin"])
+    rows.add(TICK_NS, {"plant/car:cabin_air": 30.0})
+    rows.add(TICK_NS, without)
+    assert rows.newest["cabin"] == 30.0
+    assert len(rows.since(1, 0)[2]) == 2
 
 
 def test_what_never_comes_is_nan_and_holds_nobody_up() -> None:

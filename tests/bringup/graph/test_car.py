@@ -1,0 +1,69 @@
+"""A run with a car through real processes: the simulation's numbers, its topics complete, replayed alike."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ac_common.topics import CABIN_SERIES, CAR, CAR_SERIES, CONTROLLER, NAMESPACE, PLANT, SERIES
+from ac_experiments.bags.reader import read_bag, read_raw
+from ac_experiments.scenario import check
+from ac_experiments.simulate import simulate
+from bringup.launch.launch import GraphRun, run_graph
+from bringup.replay.replay import replay
+
+pytestmark = pytest.mark.ros
+
+#: Off and through a shift of gears, on the belt, under a blower that is turned up.
+CAR_ON_THE_BELT = {
+    "name": "car",
+    "duration_s": 12.0,
+    "passive": True,
+    "references": {"superheat_k": [{"at_s": 1, "to": -2, "ramp_s": 4}]},
+    "car": {
+        "outside_temperature_c": [[0, 35], [10, 36]],
+        "sun_w_m2": 800,
+        "recirculation_percent": 60,
+        "blower_kg_s": [[0, 0.12], [4, 0.15]],
+        "vehicle_speed_km_h": [[2, 0], [8, 30]],
+        "cabin": 33,
+        "compressor_drive": "belt",
+    },
+    "faults": [{"kind": "condenser_fan", "size_percent": 60, "onset_s": 3}],
+    "noise": {"superheat_k": 0.02, "seed": 3},
+}
+
+
+@pytest.fixture(scope="module")
+def car(tmp_path_factory: pytest.TempPathFactory) -> GraphRun:
+    return run_graph(check(CAR_ON_THE_BELT), tmp_path_factory.mktemp("car"))
+
+
+def test_graph_gives_the_numbers_of_the_simulation(car: GraphRun) -> None:
+    recorded, simulated = read_bag(car.bag), simulate(check(CAR_ON_THE_BELT))
+    assert recorded.metadata["complete"]
+    assert set(recorded.series) == {*SERIES, *CAR_SERIES, *CABIN_SERIES} == set(simulated.series)
+    for key, values in simulated.series.items():
+        np.testing.assert_array_equal(recorded.series[key], values, err_msg=key)
+    speed = simulated.series["controller/command:compressor"]
+    np.testing.assert_array_equal(speed, simulated.series["scenario/car:belt_speed"])
+    assert speed.max() > 2.0 * speed.min()
+    raw = read_raw(car.bag)
+    assert all(len(raw.messages[f"{NAMESPACE}/{topic.name}"]) == len(recorded.time_s) for topic in CAR)
+
+
+@pytest.mark.parametrize("node", [PLANT, CONTROLLER])
+def test_nodes_that_know_the_car_replay_alike(car: GraphRun, node: str) -> None:
+    result = replay(car.bag, node)
+    assert result.ticks == 120
+    assert not result.different, result.differences
+
+
+def test_electric_compressor_in_a_soaked_car(tmp_path: Path) -> None:
+    content = {**CAR_ON_THE_BELT, "duration_s": 4.0}
+    content["car"] = {**CAR_ON_THE_BELT["car"], "compressor_drive": "electric", "cabin": "soaked"}  # type: ignore[dict-item]
+    recorded, simulated = read_bag(run_graph(check(content), tmp_path).bag), simulate(check(content))
+    for key, values in simulated.series.items():
+        np.testing.assert_array_equal(recorded.series[key], values, err_msg=key)
+    assert not simulated.series["scenario/car:belt_speed"].any()
+    assert simulated.series["plant/car:cabin_air"][0] > 50.0
