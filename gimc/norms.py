@@ -6,6 +6,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
+from gimc.checks import relative_tolerance, whole_number
 from gimc.errors import UnstableError
 from gimc.interconnect import Abcd, Matrix, Response, abcd
 from gimc.scaling import balance_states
@@ -41,6 +42,8 @@ def response_function(sys: object) -> Callable[[ArrayLike], Response]:
 
     def response(frequencies_rad_s: ArrayLike) -> Response:
         w = np.atleast_1d(np.asarray(frequencies_rad_s, dtype=float))
+        if np.isnan(w).any():
+            raise ValueError("frequencies_rad_s: nan is no frequency")
         result = np.broadcast_to(D.astype(complex), (w.size, *D.shape)).copy()
         finite = np.isfinite(w)
         if n == 0 or not finite.any():
@@ -83,7 +86,7 @@ def hinf_norm(sys: object, *, rtol: float = 1e-6) -> tuple[float, float]:
     ----------
     sys : control.StateSpace, Abcd or array_like
     rtol : float
-        The norm lies between the value returned and (1 + 2 rtol) times it.
+        The norm lies between the value returned and (1 + 2 rtol) times it; 1e-12 to 0.1.
 
     Returns
     -------
@@ -95,7 +98,10 @@ def hinf_norm(sys: object, *, rtol: float = 1e-6) -> tuple[float, float]:
     ------
     UnstableError
         If a pole is not in the open left half plane.
+    ValueError
+        If `rtol` is out of range, or `sys` no system (see `abcd`).
     """
+    rtol = relative_tolerance(rtol, highest=0.1)
     system = balance_states(abcd(sys))
     eigenvalues = _stable_poles(system)
     respond = response_function(system)
@@ -132,6 +138,8 @@ def sweep_norm(sys: object, *, points_per_decade: int = 30, rounds: int = 12) ->
     norm, frequency : float
         The largest value found and where (rad/s).
     """
+    whole_number("points_per_decade", points_per_decade, 1, 10**4)
+    whole_number("rounds", rounds, 1, 100)
     system = balance_states(abcd(sys))
     eigenvalues = _stable_poles(system)
     moduli = np.abs(eigenvalues) if eigenvalues.size else np.ones(1)

@@ -10,7 +10,7 @@ from typing import Any
 import control
 import numpy as np
 from synthesis_problems import mixed_sensitivity, performance_weight, random_system, stiff_plant
-from test_hinfsyn import mit, quadruple_tank, servo_2_17
+from test_hinfsyn import PUBLISHED, dc_servo, scherer_7
 
 import gimc
 from gimc import Abcd, SampledFilter, abcd, append, discretise, hinf_norm, hinf_synthesis, is_stable, lft, state_space
@@ -48,9 +48,9 @@ def slicot(P: Abcd, nmeas: int, ncon: int) -> str:
 
 def main() -> None:
     problems = {
-        "S&P example 2.17": servo_2_17(),
-        "MIT 16.323": mit(),
-        "quadruple tank": quadruple_tank(),
+        **{name: make() for name, (make, _, _) in PUBLISHED.items()},
+        "DC servo": dc_servo(),
+        "Scherer 1997, example 7": scherer_7(),
         "stiff plant, SI units": stiff(),
     }
     for n in (10, 20, 40, 60):

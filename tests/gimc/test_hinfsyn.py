@@ -269,7 +269,7 @@ def test_zero_on_the_imaginary_axis_is_named() -> None:
 
 @pytest.mark.parametrize(("nmeas", "ncon"), [(0, 1), (3, 1), (1, 0), (1, 3)])
 def test_wrong_numbers(nmeas: int, ncon: int) -> None:
-    with pytest.raises(gimc.SynthesisError, match="can be"):
+    with pytest.raises(gimc.SynthesisError, match="must be a whole number from 1 to 2"):
         hinfsyn(simple(), nmeas, ncon)
 
 
@@ -291,12 +291,12 @@ def test_sampled_plant_is_refused() -> None:
 def test_mismatch_raises(monkeypatch: pytest.MonkeyPatch) -> None:
     """A controller that does not reach the level it was made for is refused, whatever the formulas say."""
     module = __import__("sys").modules["gimc.hinfsyn"]
-    honest = module._controller
+    honest = module.central_controller
 
     def spoilt(*arguments: object) -> Abcd:
         K = honest(*arguments)
         return Abcd(K.A, K.B, 0.8 * K.C, K.D)
 
-    monkeypatch.setattr(module, "_controller", spoilt)
+    monkeypatch.setattr(module, "central_controller", spoilt)
     with pytest.raises(gimc.NormMismatchError, match="claimed norm"):
         hinfsyn(*servo_2_17())

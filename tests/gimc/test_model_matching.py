@@ -227,3 +227,20 @@ def test_errors() -> None:
     closed_loop = Abcd(-np.eye(1), np.ones((1, 2)), np.ones((2, 1)), np.array([[0, 1.0], [1, 0.5]]))
     with pytest.raises(gimc.SynthesisError, match="not zero"):
         model_matching(closed_loop, 1, 1)
+
+
+@pytest.mark.parametrize("seed", [16, 72, 75, 83, 101])
+@pytest.mark.parametrize("eps", [0.1, 1e-3])
+def test_bounds_are_bounds(seed: int, eps: float) -> None:
+    """Gains of 1e10 within a chain of three lags leave directions that rounding decides: no bound from those."""
+    random = np.random.default_rng(seed)
+    A = np.array([[-4.0, 1e5, 0], [0, -2, -1e5], [0, 0, -3]])
+    p, nd = int(random.integers(1, 3)), int(random.integers(1, 3))
+    B, C, D = (
+        random.integers(low, high, shape).astype(float)
+        for low, high, shape in ((-3, 4, (3, nd + 1)), (-3, 4, (p, 3)), (-2, 3, (p, nd + 1)))
+    )
+    Nd, Nf = Abcd(A, B[:, :nd], C, D[:, :nd]), Abcd(A, B[:, nd:], C, D[:, nd:])
+    result = isolation_synthesis(Nd, Nf, siso([1], [1, 1]), eps)
+    assert result.plain_lower_bound <= result.plain_gamma * (1 + 1e-6)
+    assert result.lower_bound <= result.gamma * (1 + 1e-6)

@@ -131,5 +131,35 @@ def test_errors() -> None:
     unstable = control.ss([[0.1]], [[1]], [[1]], 0)
     with pytest.raises(gimc.UnstableError, match="stable"):
         balanced_truncation(unstable, 0.1)
-    with pytest.raises(ValueError, match="between 0 and 3"):
+    with pytest.raises(ValueError, match="whole number from 0 to 3"):
         reduce_order(random_system(0, 3, 1, 1, stable=True), order=4)
+
+
+def test_minimal_realisation_within_tolerance_or_refused() -> None:
+    """Stacked s^k / (s - 1)^6, each with its own states: what comes out is right, or nothing does."""
+    transfer = [control.tf([1.0] + [0.0] * k, np.poly(np.ones(6))) for k in range(4)]
+    system = gimc.stack_outputs(*transfer)
+    w = np.logspace(-2, 2, 50)
+    wanted = np.array([[(1j * x) ** k / (1j * x - 1) ** 6 for k in range(4)] for x in w])
+    try:
+        found = frequency_response(minimal_realisation(system), w)[:, :, 0]
+    except gimc.SynthesisError:
+        return
+    assert (np.abs(found - wanted) <= 1e-4 * np.abs(wanted).max(axis=0)).all()
+
+
+@pytest.mark.parametrize("rtol", [1e-1, 1e-3, 1e-6])
+def test_little_damping_within_rtol_or_refused(rtol: float) -> None:
+    """Thirty oscillators with a damping ratio of 1e-9, mixed: poles nearly on the axis."""
+    random = np.random.default_rng(0)
+    frequencies = np.geomspace(1.0, 30.0, 30)
+    A = np.zeros((60, 60))
+    for i, w in enumerate(frequencies):
+        A[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = [[-1e-9 * w, w], [-w, -1e-9 * w]]
+    mix = np.linalg.qr(random.normal(size=(60, 60)))[0]
+    system = Abcd(mix @ A @ mix.T, random.normal(size=(60, 1)), random.normal(size=(1, 60)), np.zeros((1, 1)))
+    try:
+        result = reduce_order(system, rtol=rtol)
+    except gimc.SynthesisError:
+        return
+    assert result.error <= 1.001 * rtol * result.norm
