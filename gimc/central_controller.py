@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import scipy.linalg
 
 from gimc.errors import IllPosedError, RiccatiError
 from gimc.interconnect import Abcd, Matrix, safe_inverse
-from gimc.riccati import care, hinf_are
+from gimc.riccati import care, hinf_are, lyapunov
 from gimc.scaling import balance_states
 from gimc.standard_form import Standard
 
@@ -20,13 +19,16 @@ Route = Literal["balanced", "plain", "hamiltonian"]
 
 ROUTES: tuple[Route, ...] = ("balanced", "plain", "hamiltonian")
 NEWTON_TOLERANCE = 1e-6  # last step, relative to the solution
+NEWTON_STEPS = 4
+PENCIL_TOLERANCE = 1e-4  # first step below which the pencil's solution has more digits than Newton's residual
 
 
 @dataclass(frozen=True)
 class Level:
-    """Both Riccati solutions at one level gamma."""
+    """Both Riccati solutions at one level gamma, and the route by which they were found."""
 
     gamma: float
+    route: Route
     X: Matrix
     Y: Matrix
     F: Matrix
@@ -46,7 +48,7 @@ def solve_level(standard: Standard, gamma: float, *, route: Route = "balanced") 
             Y, Lt = _feedback(A.T, C.T, B1.T, Dt.T, p1, gamma, route)
             if not _nonnegative(A.T, C[p1:].T, B1.T, Dt[p1:].T, Y):
                 return None
-            return Level(gamma, X, Y, F, Lt.T) if _coupling(X, Y) < gamma**2 else None
+            return Level(gamma, route, X, Y, F, Lt.T) if _coupling(X, Y) < gamma**2 else None
         except (ValueError, np.linalg.LinAlgError):  # RiccatiError, or numbers beyond all bounds
             return None
 
@@ -64,21 +66,31 @@ def _feedback(
             raise RiccatiError("the solution is not the stabilising one")
         return F
 
-    if route != "hamiltonian":
-        X = hinf_are(A, B, C1, D1, m1, gamma, balanced=route == "balanced")
-        return X, feedback(X)
-    cross = np.linalg.solve(R, D1.T @ C1)
-    Q, G = C1.T @ C1 - C1.T @ D1 @ cross, B @ np.linalg.solve(R, B.T)
-    X = care(A - B @ cross, 0.5 * (G + G.T), 0.5 * (Q + Q.T), refine=False)
-    # G and Q are squares that lose digits: what two steps of Newton's method without them still move is no solution.
-    for _ in range(2):
-        F = feedback(X)
-        residual = A.T @ X + X @ A + C1.T @ C1 - F.T @ R @ F
-        step = scipy.linalg.solve_continuous_lyapunov((A + B @ F).T, -0.5 * (residual + residual.T))
-        X = X + 0.5 * (step + step.T)
-    if not np.linalg.norm(step) <= NEWTON_TOLERANCE * np.linalg.norm(X):
+    def refined(X: Matrix, enough: float) -> Matrix:
+        """X after Newton's method, or as it is where the first step is not above `enough`."""
+        for i in range(NEWTON_STEPS):
+            F = feedback(X)
+            step = lyapunov((A + B @ F).T, A.T @ X + X @ A + C1.T @ C1 - F.T @ R @ F)
+            size = np.linalg.norm(step) / np.linalg.norm(X)
+            if i == 0 and size <= enough:
+                return X
+            X = X + step
+            if size <= NEWTON_TOLERANCE:
+                return X
         raise RiccatiError("Newton's method does not end")
-    return X, feedback(X)
+
+    if route == "hamiltonian":
+        cross = np.linalg.solve(R, D1.T @ C1)
+        Q, G = C1.T @ C1 - C1.T @ D1 @ cross, B @ np.linalg.solve(R, B.T)
+        X = refined(care(A - B @ cross, 0.5 * (G + G.T), 0.5 * (Q + Q.T), refine=False), 0.0)
+        return X, feedback(X)
+    X = hinf_are(A, B, C1, D1, m1, gamma, balanced=route == "balanced")
+    F = feedback(X)
+    try:
+        X = refined(X, PENCIL_TOLERANCE)
+        return X, feedback(X)
+    except RiccatiError:  # the residual is made of squares: with little noise the pencil has digits that it has not
+        return X, F
 
 
 def _nonnegative(A: Matrix, B2: Matrix, C1: Matrix, D12: Matrix, X: Matrix) -> bool:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from gimc.central_controller import ROUTES, Level, Route, central_controller, parrott_bound, solve_level
+from gimc.central_controller import ROUTES, Level, central_controller, parrott_bound, solve_level
 from gimc.checks import relative_tolerance
 from gimc.errors import IllPosedError, InfeasibleError, NormMismatchError, SynthesisError, UnstableError
 from gimc.interconnect import Abcd, abcd, block_sizes, lft, state_space
@@ -152,8 +152,7 @@ def _bisect(plant: Abcd, standard: Standard, rtol: float, gamma_max: float) -> t
             floor = min(FLOOR * max(_signal_size(plant, standard, first), floor), 0.999 * floor)
             continue
         below = [best.gamma * factor for factor in (0.995, 0.97) if best.gamma * factor > max(lowest, floor)]
-        routes: tuple[Route, ...] = ("balanced", "hamiltonian")
-        again = (solve_level(standard, gamma, route=route) for gamma in below for route in routes)
+        again = (solve_level(standard, gamma, route=route) for gamma in below for route in ROUTES)
         found = next((level for level in again if level is not None), None)
         if found is None:
             return best, lower
@@ -180,14 +179,15 @@ def _split_loop(plant: Abcd, K: Abcd, nmeas: int, ncon: int) -> Abcd:
 
 
 def _first_feasible(standard: Standard, lowest: float, gamma_max: float) -> Level:
-    gamma = min(max(2.0 * lowest, 1.0), gamma_max)
-    while gamma > lowest:
-        level = solve_level(standard, gamma)
-        if level is not None:
-            return level
-        if gamma == gamma_max:
-            break
-        gamma = min(4.0 * gamma, gamma_max)
+    for route in ROUTES:
+        gamma = min(max(2.0 * lowest, 1.0), gamma_max)
+        while gamma > lowest:
+            level = solve_level(standard, gamma, route=route)
+            if level is not None:
+                return level
+            if gamma == gamma_max:
+                break
+            gamma = min(4.0 * gamma, gamma_max)
     raise InfeasibleError(
         f"no stabilising controller with a norm below gamma_max = {gamma_max:.3g} (D11 alone needs {lowest:.3g}); "
         "allow a larger norm, or look for weights of very different size and zeros near the axis"
@@ -197,7 +197,7 @@ def _first_feasible(standard: Standard, lowest: float, gamma_max: float) -> Leve
 def _narrow(standard: Standard, best: Level, lower: float, rtol: float, floor: float) -> tuple[Level, float]:
     while best.gamma - lower > rtol * best.gamma and best.gamma > floor:
         middle = float(np.sqrt(max(lower, 1e-3 * best.gamma) * best.gamma))
-        level = solve_level(standard, middle)
+        level = solve_level(standard, middle, route=best.route)
         if level is None:
             lower = middle
         else:

@@ -152,15 +152,30 @@ def _graph(X1: Matrix, X2: Matrix, *, asymmetry: float) -> Matrix:
     return np.asarray(0.5 * (X + X.T))
 
 
+def lyapunov(A: Matrix, Q: Matrix) -> Matrix:
+    """Return the symmetric solution X of `A X + X A' + Q = 0`; of Q the symmetric part counts.
+
+    Raises
+    ------
+    RiccatiError
+        If two eigenvalues of A add up to zero, or nearly so.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)  # what scipy does instead of failing
+        try:
+            X = scipy.linalg.solve_continuous_lyapunov(A, -0.5 * (Q + Q.T))
+        except (np.linalg.LinAlgError, RuntimeWarning) as error:
+            raise RiccatiError(f"the Lyapunov equation has no solution: {error}") from None
+    return np.asarray(0.5 * (X + X.T))
+
+
 def _newton_step(A: Matrix, G: Matrix, Q: Matrix, X: Matrix) -> Matrix:
     """One step of Newton's method, kept only if the residual falls (it has nothing to give at rounding level)."""
     residual = _residual(A, G, Q, X)
-    closed = A - G @ X
     try:
-        step = scipy.linalg.solve_continuous_lyapunov(closed.T, -residual)
-    except (np.linalg.LinAlgError, RuntimeWarning):
+        improved = X + lyapunov((A - G @ X).T, residual)
+    except RiccatiError:
         return X
-    improved = X + 0.5 * (step + step.T)
     better = np.linalg.norm(_residual(A, G, Q, improved)) < np.linalg.norm(residual)
     return improved if better else X
 
