@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from gimc.central_controller import ROUTES, Level, central_controller, parrott_bound, solve_level
+from gimc.central_controller import ROUTES, Level, Route, central_controller, parrott_bound, solve_level
 from gimc.checks import relative_tolerance
 from gimc.errors import IllPosedError, InfeasibleError, NormMismatchError, SynthesisError, UnstableError
 from gimc.interconnect import Abcd, abcd, block_sizes, lft, state_space
@@ -152,7 +152,8 @@ def _bisect(plant: Abcd, standard: Standard, rtol: float, gamma_max: float) -> t
             floor = min(FLOOR * max(_signal_size(plant, standard, first), floor), 0.999 * floor)
             continue
         below = [best.gamma * factor for factor in (0.995, 0.97) if best.gamma * factor > max(lowest, floor)]
-        again = (solve_level(standard, gamma, route=route) for gamma in below for route in ROUTES)
+        routes: tuple[Route, ...] = (best.route, "hamiltonian")
+        again = (solve_level(standard, gamma, route=route) for gamma in below for route in routes)
         found = next((level for level in again if level is not None), None)
         if found is None:
             return best, lower

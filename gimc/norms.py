@@ -52,8 +52,8 @@ def response_function(sys: object) -> Callable[[ArrayLike], Response]:
         x = np.zeros((n, wf.size, B.shape[1]), dtype=complex)  # (jw - T) x = Bs
         with np.errstate(divide="ignore", invalid="ignore"):
             for i in range(n - 1, -1, -1):
-                right = np.tensordot(T[i, i + 1 :], x[i + 1 :], axes=1) + Bs[i]
-                x[i] = right / (1j * wf - T[i, i])[:, None]
+                known = (T[i, i + 1 :] @ x[i + 1 :].reshape(n - i - 1, x[0].size)).reshape(x[0].shape)
+                x[i] = (known + Bs[i]) / (1j * wf - T[i, i])[:, None]
         result[finite] += np.tensordot(Cs, x, axes=1).transpose(1, 0, 2)
         return result
 
@@ -154,9 +154,10 @@ def sweep_norm(sys: object, *, points_per_decade: int = 30, rounds: int = 12) ->
     ends = np.array([0.0, np.inf])
     end_values = _largest_singular_values(respond(ends))
     best, where = float(end_values.max()), float(ends[np.argmax(end_values)])
-    for peak in _promising_peaks(values):
-        left, right = grid[max(peak - 1, 0)], grid[min(peak + 1, grid.size - 1)]
-        value, frequency = _refine_peak(respond, float(left), float(right), rounds)
+    peaks = _promising_peaks(values)
+    if peaks.size:
+        left, right = grid[np.maximum(peaks - 1, 0)], grid[np.minimum(peaks + 1, grid.size - 1)]
+        value, frequency = _highest_peak(respond, left, right, rounds)
         if value > best:
             best, where = value, frequency
     return best, where
@@ -169,17 +170,20 @@ def _promising_peaks(values: Matrix) -> NDArray[np.intp]:
     return np.flatnonzero(local & (values >= 0.7 * values.max()))[:50]
 
 
-def _refine_peak(
-    respond: Callable[[ArrayLike], Response], left: float, right: float, rounds: int
+def _highest_peak(
+    respond: Callable[[ArrayLike], Response], left: Matrix, right: Matrix, rounds: int
 ) -> tuple[float, float]:
-    value, frequency = 0.0, left
+    """Largest value between pairs of frequencies, all refined at a time, and where it is."""
+    pairs = np.arange(left.size)
+    values = frequencies = left
     for _ in range(rounds):
         inner = np.geomspace(left, right, 9)
-        values = _largest_singular_values(respond(inner))
-        best = int(np.argmax(values))
-        value, frequency = float(values[best]), float(inner[best])
-        left, right = float(inner[max(best - 1, 0)]), float(inner[min(best + 1, 8)])
-    return value, frequency
+        all_values = _largest_singular_values(respond(inner.ravel())).reshape(inner.shape)
+        best = np.argmax(all_values, axis=0)
+        values, frequencies = all_values[best, pairs], inner[best, pairs]
+        left, right = inner[np.maximum(best - 1, 0), pairs], inner[np.minimum(best + 1, 8), pairs]
+    highest = int(np.argmax(values))
+    return float(values[highest]), float(frequencies[highest])
 
 
 def _stable_poles(system: Abcd) -> NDArray[np.complex128]:

@@ -162,7 +162,7 @@ def minimal_realisation(sys: Any, *, rtol: float = 1e-10) -> Any:
     Raises
     ------
     SynthesisError
-        If the response does not stay the same.
+        If the response moves by more than `rtol`, or 1e-6, of an output's largest.
     """
     rtol = relative_tolerance(rtol)
     system = balance_states(abcd(sys))
@@ -172,7 +172,7 @@ def minimal_realisation(sys: Any, *, rtol: float = 1e-10) -> Any:
     observe = _reachable_basis(reach.T @ A.T @ reach, reach.T @ C.T, rtol)
     basis = reach @ observe
     minimal = _projected(system, basis, basis)
-    if not _same_response(system, minimal, max(1e-6, 1e3 * rtol)):
+    if not _same_response(system, minimal, max(1e-6, rtol)):
         raise SynthesisError(
             "minimal realisation: the response does not stay the same, rank decisions at this rtol are not safe; give "
             "another rtol, or build the system with shared states (gimc.stack_inputs, gimc.stack_outputs)"

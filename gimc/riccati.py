@@ -74,20 +74,14 @@ def hinf_are(A: Matrix, B: Matrix, C: Matrix, D: Matrix, m1: int, gamma: float, 
     size = np.sqrt((B**2).sum(axis=0) + (D**2).sum(axis=0) + weight)
     scales = 1.0 / np.where(size > 0, size, 1.0)  # of v: changes neither x nor the costate
     Bs, Ds = B * scales, D * scales
-    zeros = np.zeros
     # Columns v, z and columns x, costate of: x' = Ax + Bv, -costate' = A'costate + C'z, z = Cx + Dv, and optimal v.
-    algebraic = np.block([
-        [Bs, zeros((n, p))],
-        [zeros((n, m)), -C.T],
-        [Ds, -np.eye(p)],
-        [-np.diag(weight * scales**2), Ds.T],
-    ])  # fmt: skip
-    dynamic = np.block([
-        [A, zeros((n, n))],
-        [zeros((n, n)), -A.T],
-        [C, zeros((p, n))],
-        [zeros((m, n)), Bs.T],
-    ])  # fmt: skip
+    # Filled, not stacked: numpy.block would take as long as the decompositions.
+    algebraic, dynamic = np.zeros((2 * n + p + m, m + p)), np.zeros((2 * n + p + m, 2 * n))
+    algebraic[:n, :m], algebraic[n : 2 * n, m:] = Bs, -C.T
+    algebraic[2 * n : 2 * n + p, :m], algebraic[2 * n : 2 * n + p, m:] = Ds, -np.eye(p)
+    algebraic[2 * n + p :, :m], algebraic[2 * n + p :, m:] = -np.diag(weight * scales**2), Ds.T
+    dynamic[:n, :n], dynamic[n : 2 * n, n:] = A, -A.T
+    dynamic[2 * n : 2 * n + p, :n], dynamic[2 * n + p :, n:] = C, Bs.T
     left = np.linalg.qr(algebraic, mode="complete")[0][:, m + p :].T
     try:
         *_, alpha, beta, _, Z = scipy.linalg.ordqz(left @ dynamic, left[:, : 2 * n], sort="lhp", output="real")

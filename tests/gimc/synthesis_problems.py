@@ -5,7 +5,7 @@ import cvxpy
 import numpy as np
 import scipy.linalg
 
-from gimc import Abcd, abcd, append, connect
+from gimc import Abcd, abcd, append, connect, scale
 
 
 def siso(numerator: list[float], denominator: list[float]) -> Abcd:
@@ -85,6 +85,19 @@ def lmi_optimum(P: Abcd, nmeas: int, ncon: int) -> float:
     problem = cvxpy.Problem(cvxpy.Minimize(gamma), [symmetric[0] << 0, symmetric[1] << 0, coupling >> 0])
     problem.solve(solver=cvxpy.CLARABEL)
     return float(gamma.value)
+
+
+def matching_plant(T1: Abcd, T2: Abcd, T3: Abcd) -> Abcd:
+    """Return [[T1, -T2], [T3, 0]], for `min || T1 - T2 Q T3 ||` over stable Q."""
+    blocks = append(T1, T2, T3)
+    (p1, m1), m2, p2 = T1.D.shape, T2.D.shape[1], T3.D.shape[0]
+    split = np.zeros((2 * m1 + m2, m1 + m2))
+    split[:m1, :m1] = np.eye(m1)
+    split[m1 : m1 + m2, m1:] = np.eye(m2)
+    split[m1 + m2 :, :m1] = np.eye(m1)
+    join = np.zeros((p1 + p2, 2 * p1 + p2))
+    join[:p1, :p1], join[:p1, p1 : 2 * p1], join[p1:, 2 * p1 :] = np.eye(p1), -np.eye(p1), np.eye(p2)
+    return scale(blocks, join, split)
 
 
 def nehari_distance(G: Abcd) -> float:

@@ -135,21 +135,28 @@ def test_errors() -> None:
         reduce_order(random_system(0, 3, 1, 1, stable=True), order=4)
 
 
-def test_minimal_realisation_within_tolerance_or_refused() -> None:
-    """Stacked s^k / (s - 1)^6, each with its own states: what comes out is right, or nothing does."""
-    transfer = [control.tf([1.0] + [0.0] * k, np.poly(np.ones(6))) for k in range(4)]
-    system = gimc.stack_outputs(*transfer)
+@pytest.mark.parametrize("count", [2, 3, 6])
+def test_minimal_realisation_of_one_pole_many_times(count: int) -> None:
+    """Stacked s^k / (s - 1)^count, each with its own states: one set of states is enough, and the response stays."""
+    powers = range(min(count, 4))
+    blocks = append(*(control.tf([1.0] + [0.0] * k, np.poly(np.ones(count))) for k in powers))
+    system = gimc.scale(blocks, right=np.ones((len(powers), 1)))
+    assert system.A.shape[0] == count * len(powers)
+    found = minimal_realisation(system)
+    assert found.nstates == count
     w = np.logspace(-2, 2, 50)
-    wanted = np.array([[(1j * x) ** k / (1j * x - 1) ** 6 for k in range(4)] for x in w])
-    try:
-        found = frequency_response(minimal_realisation(system), w)[:, :, 0]
-    except gimc.SynthesisError:
-        return
-    assert (np.abs(found - wanted) <= 1e-4 * np.abs(wanted).max(axis=0)).all()
+    wanted = np.array([[(1j * x) ** k / (1j * x - 1) ** count for k in powers] for x in w])
+    response = frequency_response(found, w)[:, :, 0]
+    assert (np.abs(response - wanted) <= 1e-4 * np.abs(wanted).max(axis=0)).all()
 
 
-@pytest.mark.parametrize("rtol", [1e-1, 1e-3, 1e-6])
-def test_little_damping_within_rtol_or_refused(rtol: float) -> None:
+def test_minimal_realisation_that_changes_the_response_is_refused() -> None:
+    """With a tenth of the size of the system taken for nothing, states go that are needed."""
+    with pytest.raises(gimc.SynthesisError, match="response does not stay the same"):
+        minimal_realisation(random_system(2, 6, 1, 1, stable=True), rtol=0.1)
+
+
+def little_damping() -> Abcd:
     """Thirty oscillators with a damping ratio of 1e-9, mixed: poles nearly on the axis."""
     random = np.random.default_rng(0)
     frequencies = np.geomspace(1.0, 30.0, 30)
@@ -157,9 +164,17 @@ def test_little_damping_within_rtol_or_refused(rtol: float) -> None:
     for i, w in enumerate(frequencies):
         A[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = [[-1e-9 * w, w], [-w, -1e-9 * w]]
     mix = np.linalg.qr(random.normal(size=(60, 60)))[0]
-    system = Abcd(mix @ A @ mix.T, random.normal(size=(60, 1)), random.normal(size=(1, 60)), np.zeros((1, 1)))
-    try:
-        result = reduce_order(system, rtol=rtol)
-    except gimc.SynthesisError:
-        return
+    return Abcd(mix @ A @ mix.T, random.normal(size=(60, 1)), random.normal(size=(1, 60)), np.zeros((1, 1)))
+
+
+@pytest.mark.parametrize("rtol", [1e-1, 1e-3])
+def test_little_damping_within_rtol(rtol: float) -> None:
+    result = reduce_order(little_damping(), rtol=rtol)
+    assert result.order < 60
     assert result.error <= 1.001 * rtol * result.norm
+
+
+def test_little_damping_beyond_rounding_is_refused() -> None:
+    """No digits are left for 1e-8; a larger order than all states there is not."""
+    with pytest.raises(gimc.SynthesisError, match=r"reduction to rtol = 1e-08: order 60 .* too near the axis"):
+        reduce_order(little_damping(), rtol=1e-8)
