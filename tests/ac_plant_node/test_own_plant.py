@@ -65,7 +65,7 @@ def test_more_than_three_points_are_fitted(tmp_path):
 
 
 def test_a_point_that_was_measured_in_other_air_is_fitted_in_that_air(tmp_path):
-    """A fourth row from the shipped plant in hot, humid, little air changes nothing; told without its humidity it does."""
+    """A fourth row from the shipped plant in hot, humid air changes nothing; told without its humidity it does."""
     shipped = load_parameters()
     rows = [{k: v for k, v in vars(row).items() if v is not None} for row in TABLE_I]
     hot = {"name": "hot", "air_inlet_temperature_c": 33, "compressor_speed_rpm": 1500, "valve_opening_percent": 45,
