@@ -35,8 +35,8 @@ CHANGES = (
     ("change_superheat", "SH reference, K", 1.0, 0.5),
     ("change_air_flow", "air mass flow, %", 1.0, 5.0),
     ("change_air_inlet", "air inlet, K", 1.0, 1.0),
-    ("change_condenser_flow", "condenser air flow, %", 1.0, 5.0),
-    ("change_condenser_inlet", "condenser air inlet, K", 1.0, 1.0),
+    ("change_condenser_flow", "condenser flow, %", 1.0, 5.0),
+    ("change_condenser_inlet", "condenser inlet, K", 1.0, 1.0),
     ("change_humidity", "humidity, %", 1.0, 5.0),
 )
 
