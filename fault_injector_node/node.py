@@ -113,10 +113,10 @@ class InjectorNode(LoopNode):
         missing = [value is None for value in actual]
         if all(missing):
             return
-        sizes, stuck = scheduled[: len(KINDS)], scheduled[len(KINDS) :]
+        sizes, wanted = scheduled[: len(KINDS)], scheduled[len(KINDS) :]
         live = [fault.value(time_ns / 1e9) for fault in self._live.values()]
         faults: Sequence[float] = tuple([(one or 0.0) + more for one, more in zip(sizes, live, strict=True)])
-        stuck = [float(one or self._live[fault.kind].is_stuck) for one, fault in zip(stuck, STICKING, strict=True)]
+        stuck = [float(one or self._live[fault.kind].is_stuck) for one, fault in zip(wanted, STICKING, strict=True)]
         if self.is_realtime:
             self._watch(time_ns, faults)
         self._open[time_ns] = faults
