@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from ac_common.errors import UserError, nearest, one_line, shortened
-from ac_common.faults import FAULTS, KINDS, Fault
+from ac_common.faults import FAULTS, KINDS, STICKING, Fault
 from ac_common.units import KPA
 from ac_common.yaml_file import parsed, text_of, yaml_text
 from ac_experiments.car_schema import Car, over_time
@@ -38,6 +38,8 @@ class Schedule:
         (K, 5) the fields of `ac_common.signals.AirSide`.
     faults
         (K, F) size of each fault of `ac_common.faults.FAULTS`, SI.
+    stuck
+        (K, S) of each of `ac_common.faults.STICKING` 1 while its reading stands still, else 0.
     car
         (K, 5) the fields of `ac_common.signals.CarSide`; (K, 0) without a car.
     """
@@ -46,6 +48,7 @@ class Schedule:
     reference: NDArray[np.float64]
     air: NDArray[np.float64]
     faults: NDArray[np.float64]
+    stuck: NDArray[np.float64]
     car: NDArray[np.float64]
 
 
@@ -74,6 +77,7 @@ def schedule(scenario: Scenario, inputs: NDArray[np.float64], outputs: NDArray[n
         ),
         air=_air(scenario, time_s, inputs) if scenario.car is None else _outside(scenario.car, time_s, inputs),
         faults=np.column_stack([_of_kind(scenario, kind, time_s) for kind in FAULTS]),
+        stuck=np.column_stack([_stuck(scenario, kind, time_s) for kind in STICKING]),
         car=np.empty((len(time_s), 0)) if scenario.car is None else _car_side(scenario.car, time_s),
     )
 
@@ -139,6 +143,12 @@ def _of_kind(scenario: Scenario, kind: Fault, time_s: NDArray[np.float64]) -> ND
     """Return the sum of all faults of a kind over time, (K,), SI; limited, since a random walk goes anywhere."""
     faults = (fault.over(time_s) for fault in scenario.faults if fault.fault is kind)
     return np.clip(sum(faults, start=np.zeros_like(time_s)), kind.lowest_si, kind.largest_si)
+
+
+def _stuck(scenario: Scenario, kind: Fault, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return 1 where a reading stands still, else 0, (K,)."""
+    faults = [fault.stuck(time_s) for fault in scenario.faults if fault.fault is kind]
+    return np.any([np.zeros_like(time_s, dtype=bool), *faults], axis=0).astype(np.float64)
 
 
 def _moves(time_s: NDArray[np.float64], changes: Sequence[Change]) -> NDArray[np.float64]:

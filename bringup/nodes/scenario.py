@@ -11,10 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 from rclpy.parameter import Parameter as RosParameter
 
-from ac_common.faults import KINDS
 from ac_common.ramp import LiveOffset
 from ac_common.signals import Reference, topics_of
-from ac_common.topics import AIR_SIDE, SCENARIO
+from ac_common.topics import AIR_SIDE, BY_NAME, SCENARIO
 from ac_common.units import KPA
 from ac_experiments.scenario_schema import Air, References, targets_within
 from ac_plant_node.rest import rest_at
@@ -70,10 +69,10 @@ PARAMETERS = (
     Parameter("ramp_s", 0.0, "how long a live change takes, in a straight line; 0: a step", 0.0, 86400.0, live=True),
     *OFFSETS,
 )
-#: Topics of a row of the schedule: references and air, then faults, then what is played to a car.
+#: Topics of a row of the schedule: references and air, then faults and which readings stand still, then the car's.
 PLAYED = (*topics_of("reference", Reference), *AIR_SIDE)
-FAULTS_END = len(PLAYED) + len(KINDS)
 SCHEDULE = "scenario/faults"
+FAULTS_END = len(PLAYED) + len(BY_NAME[SCHEDULE].joints)
 #: How long the references go on by themselves when the plant's messages stay away, s.
 HOLD_S = 0.3
 
@@ -95,7 +94,7 @@ class ScenarioNode(LoopNode):
         rest = rest_at(scenario.operating_point)
         plan = schedule(scenario, rest["inputs"], rest["outputs"])
         # One array, not lists of lists: a run of hours has some hundred thousand rows.
-        self._rows = np.hstack([plan.reference, plan.air, plan.faults, plan.car])
+        self._rows = np.hstack([plan.reference, plan.air, plan.faults, plan.stuck, plan.car])
         self._in_car = scenario.car is not None
         self._tick_ns = scenario.tick_ns
         self._start_ns = self.run_start_ns if self.run_start_ns >= 0 else None
