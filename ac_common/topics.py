@@ -33,75 +33,38 @@ VALVE = "expansion_valve"
 AIR = "evaporator_air"
 CONDENSER_AIR = "condenser_air"
 
-#: The field of a JointState in which a joint's value travels: speeds and flows are velocities, openings and the
-#: sizes of faults positions, heat flows and powers efforts; what has no motion in it is a position, too.
-JOINT_FIELD = {
-    COMPRESSOR: "velocity",
-    VALVE: "position",
-    AIR: "velocity",
-    CONDENSER_AIR: "velocity",
-    "cooling": "effort",
-    "latent_cooling": "effort",
-    "condensed_water": "velocity",
-    "compressor_power": "effort",
-    "vehicle_speed": "velocity",
-    "sun": "effort",
-    "people": "position",
-    "recirculation": "position",
-    "belt_speed": "velocity",
-    "cabin_air": "position",
-    "cabin_interior": "position",
-    "evaporator_humidity": "position",
-} | dict.fromkeys((*KINDS, *STUCK_JOINTS), "position")
-
-#: Unit of a joint's value.
-JOINT_UNIT = {
-    COMPRESSOR: "rad/s",
-    VALVE: "0..1",
-    AIR: "kg/s",
-    CONDENSER_AIR: "kg/s",
-    "cooling": "W",
-    "latent_cooling": "W",
-    "condensed_water": "kg/s",
-    "compressor_power": "W",
-    "vehicle_speed": "m/s",
-    "sun": "W/m2",
-    "people": "persons",
-    "recirculation": "0..1",
-    "belt_speed": "rad/s",
-    "cabin_air": "degC",
-    "cabin_interior": "degC",
-    "evaporator_humidity": "0..1",
-} | {fault.kind: fault.si_unit for fault in FAULTS}
-JOINT_UNIT |= dict.fromkeys(STUCK_JOINTS, "0 or 1")
+#: Of each joint: the field of a JointState in which its value travels, its unit, and what that value can be. Speeds and
+#: flows are velocities, openings and sizes of faults positions, heat flows and powers efforts; what has no motion in
+#: it is a position, too. The compressor's 6000 rpm have a fault on top.
+_JOINTS: dict[str, tuple[str, str, tuple[float, float]]] = {
+    COMPRESSOR: ("velocity", "rad/s", (0.0, 750.0)),
+    VALVE: ("position", "0..1", (0.0, 1.0)),
+    AIR: ("velocity", "kg/s", (0.0, 5.0)),
+    CONDENSER_AIR: ("velocity", "kg/s", (0.0, 5.0)),
+    "cooling": ("effort", "W", (-5.0e4, 5.0e4)),
+    "latent_cooling": ("effort", "W", (-5.0e4, 5.0e4)),
+    "condensed_water": ("velocity", "kg/s", (0.0, 5.0)),
+    "compressor_power": ("effort", "W", (-5.0e4, 5.0e4)),
+    "vehicle_speed": ("velocity", "m/s", (0.0, 100.0)),
+    "sun": ("effort", "W/m2", (0.0, 2000.0)),
+    "people": ("position", "persons", (0.0, 100.0)),
+    "recirculation": ("position", "0..1", (0.0, 1.0)),
+    "belt_speed": ("velocity", "rad/s", (0.0, 750.0)),
+    "cabin_air": ("position", "degC", (-150.0, 200.0)),
+    "cabin_interior": ("position", "degC", (-150.0, 200.0)),
+    "evaporator_humidity": ("position", "0..1", (0.0, 1.0)),
+    **{fault.kind: ("position", fault.si_unit, (fault.lowest_live_si, fault.largest_live_si)) for fault in FAULTS},
+    **dict.fromkeys(STUCK_JOINTS, ("position", "0 or 1", (0.0, 1.0))),
+}
+JOINT_FIELD = {joint: field for joint, (field, _, _) in _JOINTS.items()}
+JOINT_UNIT = {joint: unit for joint, (_, unit, _) in _JOINTS.items()}
+JOINT_SPAN = {joint: span for joint, (_, _, span) in _JOINTS.items()}
 
 # Names of the nodes, as in `ros2 node list`.
 PLANT, INJECTOR, FDI, COMPENSATOR, CONTROLLER = "ac_plant", "fault_injector", "fdi", "compensator", "gimc_controller"
 SCENARIO, RECORDER = "scenario", "recorder"
 BRINGUP = "bringup"
 PAGE = "dash"
-
-
-#: What the value of a joint can be, in its unit: the compressor's 6000 rpm and a fault on top.
-JOINT_SPAN = {
-    COMPRESSOR: (0.0, 750.0),
-    VALVE: (0.0, 1.0),
-    AIR: (0.0, 5.0),
-    CONDENSER_AIR: (0.0, 5.0),
-    "cooling": (-5.0e4, 5.0e4),
-    "latent_cooling": (-5.0e4, 5.0e4),
-    "condensed_water": (0.0, 5.0),
-    "compressor_power": (-5.0e4, 5.0e4),
-    "vehicle_speed": (0.0, 100.0),
-    "sun": (0.0, 2000.0),
-    "people": (0.0, 100.0),
-    "recirculation": (0.0, 1.0),
-    "belt_speed": (0.0, 750.0),
-    "cabin_air": (-150.0, 200.0),
-    "cabin_interior": (-150.0, 200.0),
-    "evaporator_humidity": (0.0, 1.0),
-} | {fault.kind: (fault.lowest_live_si, fault.largest_live_si) for fault in FAULTS}
-JOINT_SPAN |= dict.fromkeys(STUCK_JOINTS, (0.0, 1.0))
 
 
 class Scalar(NamedTuple):
