@@ -1,5 +1,6 @@
 """Weights of the designs of observer, isolation filter, K0 and compensators, in design units."""
 
+import math
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -113,6 +114,9 @@ class ControllerWeights:
         less than what shuts the valve at the low point.
     lag_s : tuple of float
         Time constants with which the governor assumes that the loop follows, s: slower than the loop.
+    speed_offset_rpm : float
+        N_s of the speed's coordinate `(N_0 + N_s) ln((N + N_s) / (N_0 + N_s))`, for one K0 over the whole envelope;
+        infinite: the speed itself.
     """
 
     bandwidth_rad_s: tuple[float, float] = (0.3, 0.1)
@@ -127,6 +131,7 @@ class ControllerWeights:
     limits: CommandLimits = field(default_factory=CommandLimits)
     lead: tuple[float, float] = (8.0, 3.0)
     lag_s: tuple[float, float] = (2.5, 10.0)
+    speed_offset_rpm: float = math.inf
 
 
 PAPER_CONTROLLER = ControllerWeights(
@@ -141,6 +146,14 @@ PAPER_CONTROLLER = ControllerWeights(
 An actuator fault of 40 rpm is then taken back by 20 rpm, the rest by the valve. The default of `ControllerWeights`
 holds both references instead and takes back all of it.
 """
+
+ENVELOPE_CONTROLLER = ControllerWeights(
+    bandwidth_rad_s=(1.2, 0.3),
+    lead=(16.0, 6.0),
+    lag_s=(1.5, 5.0),
+    speed_offset_rpm=300.0,
+)
+"""One K0 for the whole envelope: of the medium point, in a coordinate of the speed that is nearly its logarithm."""
 
 CONTROLLERS = {"tracking": ControllerWeights(), "paper": PAPER_CONTROLLER}
 """The K0 that a scenario, or a node's parameter, may choose by name."""

@@ -54,6 +54,7 @@ class LimitedController:
             for lead, lag_s in zip(design.lead.tolist(), design.lag_s.tolist(), strict=True)
         ]
         (self._cost_speed, self._cost_both), (_, self._cost_valve) = design.priority.tolist()
+        self._is_curved = design.speed_curvature != 0.0
         self._caps = (math.inf, math.inf)
         self.at_limit = (False, False)
 
@@ -143,7 +144,19 @@ class LimitedController:
     def _nearest(
         self, speed: float, valve: float, speeds: tuple[float, float], valves: tuple[float, float]
     ) -> tuple[float, float]:
-        """Return the command within the limits nearest to the one wanted, which is beyond them: it is on an edge."""
+        """Return the command within the limits nearest to the one wanted, which is beyond them: it is on an edge.
+
+        Nearest in the coordinates in which the design is linear.
+        """
+        if self._is_curved:
+            to = self.design.speed_coordinate
+            at, valve = self._nearest_in(to(speed), valve, (to(speeds[0]), to(speeds[1])), valves)
+            return _within(self.design.speed_at(at), speeds), valve
+        return self._nearest_in(speed, valve, speeds, valves)
+
+    def _nearest_in(
+        self, speed: float, valve: float, speeds: tuple[float, float], valves: tuple[float, float]
+    ) -> tuple[float, float]:
         own, both, other = self._cost_speed, self._cost_both, self._cost_valve
         edges = [(edge, _within(valve - both / other * (edge - speed), valves)) for edge in speeds]
         edges += [(_within(speed - both / own * (edge - valve), speeds), edge) for edge in valves]
