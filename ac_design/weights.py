@@ -114,9 +114,9 @@ class ControllerWeights:
         less than what shuts the valve at the low point.
     lag_s : tuple of float
         Time constants with which the governor assumes that the loop follows, s: slower than the loop.
-    speed_offset_rpm : float
-        N_s of the speed's coordinate `(N_0 + N_s) ln((N + N_s) / (N_0 + N_s))`, for one K0 over the whole envelope;
-        infinite: the speed itself.
+    log_offset : tuple of float
+        o of the commands' coordinates `(u_0 + o) ln((u + o) / (u_0 + o))`, speed [rpm] and opening [%], for one K0 over
+        the whole envelope; infinite: the commands themselves.
     """
 
     bandwidth_rad_s: tuple[float, float] = (0.3, 0.1)
@@ -131,7 +131,7 @@ class ControllerWeights:
     limits: CommandLimits = field(default_factory=CommandLimits)
     lead: tuple[float, float] = (8.0, 3.0)
     lag_s: tuple[float, float] = (2.5, 10.0)
-    speed_offset_rpm: float = math.inf
+    log_offset: tuple[float, float] = (math.inf, math.inf)
 
 
 PAPER_CONTROLLER = ControllerWeights(
@@ -151,9 +151,9 @@ ENVELOPE_CONTROLLER = ControllerWeights(
     bandwidth_rad_s=(1.2, 0.3),
     lead=(16.0, 6.0),
     lag_s=(1.5, 5.0),
-    speed_offset_rpm=300.0,
+    log_offset=(300.0, 2.0),
 )
-"""One K0 for the whole envelope: of the medium point, in a coordinate of the speed that is nearly its logarithm."""
+"""One K0 for the whole envelope: of the medium point, in the logarithms of the commands."""
 
 CONTROLLERS = {"tracking": ControllerWeights(), "paper": PAPER_CONTROLLER}
 """The K0 that a scenario, or a node's parameter, may choose by name."""

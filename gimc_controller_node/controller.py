@@ -10,12 +10,13 @@ structure does, instead of inverting V~):
 What is read back is the command after its limits, in size and in rate: the states then stay consistent with what the
 plant really gets, which is the anti-windup of this form.
 
-The command's coordinates are deviations from rest, `[N - N_0, alpha - alpha_0]`; in a design for the whole envelope the
-speed's is logarithmic, `nu = ln(1 + c (N - N_0)) / c`: the plant's gains from it to the outputs vary by about two over
-the envelope, those from the speed by about ten. U~, V~ and q are then what they are in the paper, in nu.
+The command's coordinates are deviations from rest, `v = [N - N_0, alpha - alpha_0]`; in a design for the whole envelope
+they are logarithmic, `ln(1 + c v) / c`: the plant's gains from them to the outputs vary far less over the envelope than
+those from speed and opening. U~, V~ and q are then what they are in the paper, in these coordinates.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -30,7 +31,7 @@ Command = NDArray[np.float64]
 
 
 LARGEST_EXPONENT = 50.0
-"""Of a speed over its value at rest: any speed beyond is out of all limits, and would overflow."""
+"""Of a command over its value at rest: any beyond is out of all limits, and would overflow."""
 
 
 @dataclass(frozen=True)
@@ -60,8 +61,8 @@ class ControllerDesign:
         How far the references of p_e [Pa] and SH [K] may run ahead of the loop; designs without it do not care.
     lag_s : ndarray, shape (2,)
         Time constants with which the loop is taken to follow them [s].
-    speed_curvature : float
-        c of the speed's logarithmic coordinate [s/rad], below `1 / command_rest[0]`; zero: the speed itself.
+    curvature : ndarray, shape (2,)
+        c of the logarithmic coordinates [s/rad, 1], below `1 / command_rest`; zero: speed and opening themselves.
     """
 
     phi: Vector
@@ -76,28 +77,26 @@ class ControllerDesign:
     priority: Vector = field(default_factory=lambda: np.eye(2))
     lead: Vector = field(default_factory=lambda: np.full(2, np.inf))
     lag_s: Vector = field(default_factory=lambda: np.ones(2))
-    speed_curvature: float = 0.0
+    curvature: Vector = field(default_factory=lambda: np.zeros(2))
 
     @classmethod
     def from_arrays(cls, arrays: Arrays) -> "ControllerDesign":
         """Return the design from the arrays that the cache stores; those of older bags may lack what came later."""
-        free = {"command_rate": np.full(2, np.inf), "lead": np.full(2, np.inf), "speed_curvature": np.zeros(())}
+        free = {"command_rate": np.full(2, np.inf), "lead": np.full(2, np.inf), "curvature": np.zeros(2)}
         known = {**free, "lag_s": np.ones(2), "priority": np.eye(2), **arrays}
-        numbers = {name: float(known[name]) for name in ("sample_time_s", "speed_curvature")}
-        names = (name for name in cls.__dataclass_fields__ if name not in numbers)
-        matrices = {name: np.ascontiguousarray(known[name]) for name in names}
-        return cls(**{**matrices, **numbers})  # type: ignore[arg-type]
+        matrices = {name: np.ascontiguousarray(known[name]) for name in cls.__dataclass_fields__}
+        return cls(**{**matrices, "sample_time_s": float(arrays["sample_time_s"])})  # type: ignore[arg-type]
 
-    def speed_coordinate(self, speed: float) -> float:
-        """Return the coordinate [rad/s] of a speed [rad/s] which is not negative."""
-        above, c = speed - float(self.command_rest[0]), self.speed_curvature
-        return math.log1p(c * above) / c if c else above
+    def coordinates(self, command: Command) -> Vector:
+        """Return the coordinates [rad/s, 0..1] of a command within the limits [rad/s, 0..1], shape (2,)."""
+        above, c = command - self.command_rest, self.curvature
+        return above if not c.any() else _each(_logarithm, above, c)
 
-    def speed_at(self, coordinate: float) -> float:
-        """Return the speed [rad/s] of which this is the coordinate [rad/s]."""
-        c = self.speed_curvature
-        above = math.expm1(min(c * coordinate, LARGEST_EXPONENT)) / c if c else coordinate
-        return float(self.command_rest[0]) + above
+    def command_at(self, coordinates: Vector) -> Command:
+        """Return the command [rad/s, 0..1] at these coordinates [rad/s, 0..1], shape (2,)."""
+        c = self.curvature
+        above: Vector = coordinates if not c.any() else _each(_exponential, coordinates, c)
+        return above + self.command_rest
 
     def try_out(self) -> None:
         """Work for one tick: matrices that do not fit show here, not when the loop runs."""
@@ -153,25 +152,16 @@ class GimcController(Controller):
         self._output = np.ascontiguousarray(np.hstack([design.c, design.d]))
         self._update = np.ascontiguousarray(np.hstack([design.phi, design.gamma]))
         self._wanted, self._next = np.zeros(2), np.zeros(n)
-        self._rest = design.command_rest
-        self._is_curved = design.speed_curvature != 0.0
 
     def step(self, reference: Vector, measurement: Vector, q: Vector) -> Command:
         """Return the command that is wanted: `w = C xi + D (r - y) + q`, from the operating point on."""
         np.subtract(reference, measurement, out=self._error)
         np.dot(self._output, self._seen, out=self._wanted)
-        wanted: Command = self._wanted + q
-        speed = self.design.speed_at(float(wanted[0])) if self._is_curved else 0.0
-        wanted += self._rest
-        if self._is_curved:
-            wanted[0] = speed
-        return wanted
+        return self.design.command_at(self._wanted + q)
 
     def sent(self, command: Command) -> None:
         """Step the state over this tick with the command that the plant gets."""
-        np.subtract(command, self._rest, out=self._deviation)
-        if self._is_curved:
-            self._deviation[0] = self.design.speed_coordinate(float(command[0]))
+        self._deviation[:] = self.design.coordinates(command)
         np.dot(self._update, self._in, out=self._next)
         self._state[:] = self._next
 
@@ -182,6 +172,17 @@ class GimcController(Controller):
         """
         design = self.design
         at_rest = np.linalg.solve(np.eye(self._n) - design.phi, design.gamma[:, 2:])  # xi under a unit command held
-        deviation = np.array([design.speed_coordinate(float(command[0])), command[1] - design.command_rest[1]])
-        missing = deviation - design.d @ (reference - measurement)
+        missing = design.coordinates(command) - design.d @ (reference - measurement)
         self._state[:] = at_rest @ np.linalg.lstsq(design.c @ at_rest, missing, rcond=None)[0]
+
+
+def _each(of: Callable[[float, float], float], values: Vector, curvature: Vector) -> Vector:
+    return np.array([of(value, c) for value, c in zip(values.tolist(), curvature.tolist(), strict=True)])
+
+
+def _logarithm(above: float, c: float) -> float:
+    return math.log1p(c * above) / c if c else above
+
+
+def _exponential(coordinate: float, c: float) -> float:
+    return math.expm1(min(c * coordinate, LARGEST_EXPONENT)) / c if c else coordinate

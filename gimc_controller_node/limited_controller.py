@@ -54,7 +54,7 @@ class LimitedController:
             for lead, lag_s in zip(design.lead.tolist(), design.lag_s.tolist(), strict=True)
         ]
         (self._cost_speed, self._cost_both), (_, self._cost_valve) = design.priority.tolist()
-        self._is_curved = design.speed_curvature != 0.0
+        self._is_curved = design.curvature.any()
         self._caps = (math.inf, math.inf)
         self.at_limit = (False, False)
 
@@ -149,9 +149,11 @@ class LimitedController:
         Nearest in the coordinates in which the design is linear.
         """
         if self._is_curved:
-            to = self.design.speed_coordinate
-            at, valve = self._nearest_in(to(speed), valve, (to(speeds[0]), to(speeds[1])), valves)
-            return _within(self.design.speed_at(at), speeds), valve
+            to, low, high = self.design.coordinates, *np.transpose([speeds, valves])
+            x, least, most = (to(np.array(one)).tolist() for one in ((speed, valve), low, high))
+            nearest = self._nearest_in(*x, (least[0], most[0]), (least[1], most[1]))
+            sent = np.clip(self.design.command_at(np.array(nearest)), low, high)
+            return float(sent[0]), float(sent[1])
         return self._nearest_in(speed, valve, speeds, valves)
 
     def _nearest_in(

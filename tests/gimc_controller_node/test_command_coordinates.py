@@ -1,4 +1,4 @@
-"""K0 for the whole envelope: linear in a coordinate of the speed that is nearly its logarithm."""
+"""K0 for the whole envelope: linear in coordinates of the commands that are nearly their logarithms."""
 
 from dataclasses import replace
 
@@ -13,7 +13,8 @@ from gimc_controller_node import ControllerDesign, GimcController, limited_k0
 
 T = 0.1
 MEASURED = np.array([2.5e5, 20.0])
-speeds_rpm = st.floats(0.0, 6000.0)
+speeds_rpm, openings = st.floats(0.0, 6000.0), st.floats(0.0, 1.0)
+shares = st.one_of(st.just(0.0), st.floats(1e-4, 0.99))
 
 
 @pytest.fixture(scope="module")
@@ -21,30 +22,28 @@ def k0() -> ControllerDesign:
     return design_controller("med", T, ENVELOPE_CONTROLLER)
 
 
-@given(speeds_rpm, st.one_of(st.just(0.0), st.floats(1e-6, 0.0095)))
-def test_speed_and_coordinate_are_each_others_inverse(k0, rpm, curvature):
-    design = replace(k0, speed_curvature=curvature)
-    speed = rpm * RPM
-    assert design.speed_at(design.speed_coordinate(speed)) == pytest.approx(speed, rel=1e-9, abs=1e-9)
+@given(speeds_rpm, openings, shares, shares)
+def test_commands_and_coordinates_are_each_others_inverse(k0, rpm, opening, *largest):
+    design = replace(k0, curvature=np.array(largest) / k0.command_rest)
+    command = np.array([rpm * RPM, opening])
+    assert design.command_at(design.coordinates(command)) == pytest.approx(command, rel=1e-9, abs=1e-9)
 
 
-@given(speeds_rpm)
-def test_slope_is_one_at_the_point_of_the_design_and_falls_with_the_speed(k0, rpm):
-    def slope(speed):
-        return (k0.speed_coordinate(speed + 1e-3) - k0.speed_coordinate(speed)) / 1e-3
-
-    rest = float(k0.command_rest[0])
-    offset = 1.0 / k0.speed_curvature - rest
-    assert slope(rest) == pytest.approx(1.0, rel=1e-4)
-    assert slope(rpm * RPM) == pytest.approx((rest + offset) / (rpm * RPM + offset), rel=1e-3)
+@given(speeds_rpm, openings)
+def test_slope_is_one_at_rest_and_falls_as_the_command_grows(k0, rpm, opening):
+    command, step, rest = np.array([rpm * RPM, opening]), np.array([1e-3, 1e-6]), k0.command_rest
+    slope = (k0.coordinates(command + step) - k0.coordinates(command)) / step
+    offset = 1.0 / k0.curvature - rest
+    assert np.array([300.0 * RPM, 0.02]) == pytest.approx(offset)
+    assert slope == pytest.approx((rest + offset) / (command + offset), rel=1e-3)
 
 
-def test_any_coordinate_has_a_finite_speed(k0):
-    assert np.isfinite([k0.speed_at(value) for value in (-1e9, -1e3, 0.0, 1e3, 1e9)]).all()
+def test_any_coordinates_have_a_finite_command(k0):
+    assert all(np.isfinite(k0.command_at(np.full(2, value))).all() for value in (-1e9, -1e3, 0.0, 1e3, 1e9))
 
 
 def test_a_design_of_one_point_has_no_curvature():
-    assert design_controller("med", T).speed_curvature == 0.0
+    assert not design_controller("med", T).curvature.any()
 
 
 @given(speeds_rpm, st.floats(0.05, 0.9), st.floats(-2e4, 2e4), st.floats(-10.0, 10.0))
