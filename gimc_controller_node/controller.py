@@ -33,6 +33,9 @@ Command = NDArray[np.float64]
 LARGEST_EXPONENT = 50.0
 """Of a command over its value at rest: any beyond is out of all limits, and would overflow."""
 
+LEAST_SHARE = -1.0 + 1e-9
+"""Least that a logarithm is taken of, less one: a command that is wanted far below its limits has one, too."""
+
 
 @dataclass(frozen=True)
 class ControllerDesign:
@@ -181,7 +184,7 @@ def _each(of: Callable[[float, float], float], values: Vector, curvature: Vector
 
 
 def _logarithm(above: float, c: float) -> float:
-    return math.log1p(c * above) / c if c else above
+    return math.log1p(max(c * above, LEAST_SHARE)) / c if c else above
 
 
 def _exponential(coordinate: float, c: float) -> float:

@@ -150,8 +150,8 @@ class LimitedController:
         """
         if self._is_curved:
             to, low, high = self.design.coordinates, *np.transpose([speeds, valves])
-            x, least, most = (to(np.array(one)).tolist() for one in ((speed, valve), low, high))
-            nearest = self._nearest_in(*x, (least[0], most[0]), (least[1], most[1]))
+            (x, y), least, most = (to(np.array(one)).tolist() for one in ((speed, valve), low, high))
+            nearest = self._nearest_in(x, y, (least[0], most[0]), (least[1], most[1]))
             sent = np.clip(self.design.command_at(np.array(nearest)), low, high)
             return float(sent[0]), float(sent[1])
         return self._nearest_in(speed, valve, speeds, valves)

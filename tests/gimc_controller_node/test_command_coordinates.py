@@ -23,8 +23,8 @@ def k0() -> ControllerDesign:
 
 
 @given(speeds_rpm, openings, shares, shares)
-def test_commands_and_coordinates_are_each_others_inverse(k0, rpm, opening, *largest):
-    design = replace(k0, curvature=np.array(largest) / k0.command_rest)
+def test_commands_and_coordinates_are_each_others_inverse(k0, rpm, opening, of_speed, of_opening):
+    design = replace(k0, curvature=np.array([of_speed, of_opening]) / k0.command_rest)
     command = np.array([rpm * RPM, opening])
     assert design.command_at(design.coordinates(command)) == pytest.approx(command, rel=1e-9, abs=1e-9)
 
@@ -40,6 +40,11 @@ def test_slope_is_one_at_rest_and_falls_as_the_command_grows(k0, rpm, opening):
 
 def test_any_coordinates_have_a_finite_command(k0):
     assert all(np.isfinite(k0.command_at(np.full(2, value))).all() for value in (-1e9, -1e3, 0.0, 1e3, 1e9))
+
+
+def test_any_command_that_a_controller_may_want_has_coordinates(k0):
+    for wanted in ([-1e9, -1e9], [1e9, 1e9], [0.0, -5.0]):
+        assert np.isfinite(k0.coordinates(np.array(wanted))).all()
 
 
 def test_a_design_of_one_point_has_no_curvature():
