@@ -149,6 +149,7 @@ def synthesise(point: str, sample_time_s: float, weights: ControllerWeights) -> 
         "priority": limit_priority(model),
         "lead": np.array(weights.lead) * LEAD_UNIT,
         "lag_s": np.array(weights.lag_s),
+        "approach_k": np.array(weights.approach_k),
         "curvature": 1.0 / (operating_point(point).inputs[:2] + np.array(weights.log_offset) * LIMIT_UNIT),
         "K_a": K.A,
         "K_b": K.B,

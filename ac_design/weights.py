@@ -117,6 +117,9 @@ class ControllerWeights:
     log_offset : tuple of float
         o of the commands' coordinates `(u_0 + o) ln((u + o) / (u_0 + o))`, speed [rpm] and opening [%], for one K0 over
         the whole envelope; infinite: the commands themselves.
+    approach_k : float
+        How much colder than the air at its inlet the refrigerant has to leave the evaporator: a superheat beyond, which
+        shuts the valve, is not asked for; minus infinite: any is.
     """
 
     bandwidth_rad_s: tuple[float, float] = (0.3, 0.1)
@@ -132,6 +135,7 @@ class ControllerWeights:
     lead: tuple[float, float] = (8.0, 3.0)
     lag_s: tuple[float, float] = (2.5, 10.0)
     log_offset: tuple[float, float] = (math.inf, math.inf)
+    approach_k: float = -math.inf
 
 
 PAPER_CONTROLLER = ControllerWeights(
@@ -152,6 +156,7 @@ ENVELOPE_CONTROLLER = ControllerWeights(
     lead=(16.0, 6.0),
     lag_s=(1.5, 5.0),
     log_offset=(300.0, 2.0),
+    approach_k=2.0,
 )
 """One K0 for the whole envelope: of the medium point, in the logarithms of the commands."""
 

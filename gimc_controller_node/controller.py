@@ -66,6 +66,9 @@ class ControllerDesign:
         Time constants with which the loop is taken to follow them [s].
     curvature : ndarray, shape (2,)
         c of the logarithmic coordinates [s/rad, 1], below `1 / command_rest`; zero: speed and opening themselves.
+    approach_k : float
+        By how much the refrigerant at the evaporator's outlet has to stay colder than the air at its inlet [K]: a
+        superheat beyond is not asked for; minus infinite: any is.
     """
 
     phi: Vector
@@ -81,14 +84,17 @@ class ControllerDesign:
     lead: Vector = field(default_factory=lambda: np.full(2, np.inf))
     lag_s: Vector = field(default_factory=lambda: np.ones(2))
     curvature: Vector = field(default_factory=lambda: np.zeros(2))
+    approach_k: float = -math.inf
 
     @classmethod
     def from_arrays(cls, arrays: Arrays) -> "ControllerDesign":
         """Return the design from the arrays that the cache stores; those of older bags may lack what came later."""
         free = {"command_rate": np.full(2, np.inf), "lead": np.full(2, np.inf), "curvature": np.zeros(2)}
-        known = {**free, "lag_s": np.ones(2), "priority": np.eye(2), **arrays}
-        matrices = {name: np.ascontiguousarray(known[name]) for name in cls.__dataclass_fields__}
-        return cls(**{**matrices, "sample_time_s": float(arrays["sample_time_s"])})  # type: ignore[arg-type]
+        known = {**free, "lag_s": np.ones(2), "priority": np.eye(2), "approach_k": np.array(-np.inf), **arrays}
+        numbers = {name: float(known[name]) for name in ("sample_time_s", "approach_k")}
+        names = (name for name in cls.__dataclass_fields__ if name not in numbers)
+        matrices = {name: np.ascontiguousarray(known[name]) for name in names}
+        return cls(**{**matrices, **numbers})  # type: ignore[arg-type]
 
     def coordinates(self, command: Command) -> Vector:
         """Return the coordinates [rad/s, 0..1] of a command within the limits [rad/s, 0..1], shape (2,)."""
