@@ -67,3 +67,17 @@ def test_commands_stay_within_limits_in_size_and_rate(k0, errors):
         assert np.all((command >= k0.command_min - 1e-9) & (command <= k0.command_max + 1e-9))
         assert np.all(np.abs(command - last) <= k0.command_rate * T + 1e-9)
         last = command
+
+
+@pytest.mark.parametrize("point", ["low", "high"])
+def test_it_is_one_controller_whatever_the_origin_of_its_coordinates(k0, point):
+    other = design_controller(point, T, ENVELOPE_CONTROLLER)
+    command, both = np.array([900.0 * RPM, 0.3]), [GimcController(k0), GimcController(other)]
+    for controller in both:
+        controller.warm_restart(command, MEASURED, MEASURED)
+    for tick in range(200):
+        error = np.array([3e3 * np.sin(0.1 * tick), 2.0 * np.cos(0.07 * tick)])
+        one, same = (controller.step(MEASURED + error, MEASURED, np.zeros(2)) for controller in both)
+        assert same == pytest.approx(one, rel=2e-3)
+        for controller in both:
+            controller.sent(one)
