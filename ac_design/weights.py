@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from gimc_controller_node.command_limits import CommandLimits
+from gimc_controller_node.controller import NO_APPROACH_K
 
 SuperheatSensor = Literal["direct", "derived"]
 """Superheat measured by itself, or from an outlet thermocouple and the *measured* pressure: `T_out - T_sat(p_e)`."""
@@ -119,7 +120,7 @@ class ControllerWeights:
         the whole envelope; infinite: the commands themselves.
     approach_k : float
         How much colder than the air at its inlet the refrigerant has to leave the evaporator: a superheat beyond, which
-        shuts the valve, is not asked for; minus infinite: any is.
+        shuts the valve, is not asked for; `NO_APPROACH_K`: any is.
     """
 
     bandwidth_rad_s: tuple[float, float] = (0.3, 0.1)
@@ -135,7 +136,7 @@ class ControllerWeights:
     lead: tuple[float, float] = (8.0, 3.0)
     lag_s: tuple[float, float] = (2.5, 10.0)
     log_offset: tuple[float, float] = (math.inf, math.inf)
-    approach_k: float = -math.inf
+    approach_k: float = NO_APPROACH_K
 
 
 PAPER_CONTROLLER = ControllerWeights(

@@ -17,8 +17,8 @@ those from speed and opening. U~, V~ and q are then what they are in the paper, 
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass, field, fields
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,9 @@ Command = NDArray[np.float64]
 
 LARGEST_EXPONENT = 50.0
 """Of a command over its value at rest: any beyond is out of all limits, and would overflow."""
+
+NO_APPROACH_K = -1e3
+"""An approach that no superheat comes near."""
 
 LEAST_SHARE = -1.0 + 1e-9
 """Least that a logarithm is taken of, less one: a command that is wanted far below its limits has one, too."""
@@ -68,7 +71,7 @@ class ControllerDesign:
         c of the logarithmic coordinates [s/rad, 1], below `1 / command_rest`; zero: speed and opening themselves.
     approach_k : float
         By how much the refrigerant at the evaporator's outlet has to stay colder than the air at its inlet [K]: a
-        superheat beyond is not asked for; minus infinite: any is.
+        superheat beyond is not asked for; `NO_APPROACH_K`: any is.
     """
 
     phi: Vector
@@ -84,16 +87,16 @@ class ControllerDesign:
     lead: Vector = field(default_factory=lambda: np.full(2, np.inf))
     lag_s: Vector = field(default_factory=lambda: np.ones(2))
     curvature: Vector = field(default_factory=lambda: np.zeros(2))
-    approach_k: float = -math.inf
+    approach_k: float = NO_APPROACH_K
 
     @classmethod
-    def from_arrays(cls, arrays: Arrays) -> "ControllerDesign":
+    def from_arrays(cls, arrays: Arrays) -> Self:
         """Return the design from the arrays that the cache stores; those of older bags may lack what came later."""
         free = {"command_rate": np.full(2, np.inf), "lead": np.full(2, np.inf), "curvature": np.zeros(2)}
-        known = {**free, "lag_s": np.ones(2), "priority": np.eye(2), "approach_k": np.array(-np.inf), **arrays}
-        numbers = {name: float(known[name]) for name in ("sample_time_s", "approach_k")}
-        names = (name for name in cls.__dataclass_fields__ if name not in numbers)
-        matrices = {name: np.ascontiguousarray(known[name]) for name in names}
+        known = {**free, "lag_s": np.ones(2), "priority": np.eye(2), **arrays}
+        own = [one for one in fields(cls) if one.name in known]
+        numbers = {one.name: float(known[one.name]) for one in own if one.type is float}
+        matrices = {one.name: np.ascontiguousarray(known[one.name]) for one in own if one.name not in numbers}
         return cls(**{**matrices, **numbers})  # type: ignore[arg-type]
 
     def coordinates(self, command: Command) -> Vector:

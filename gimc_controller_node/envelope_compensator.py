@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ac_common.arrays import Arrays, same_shape
+from ac_common.arrays import same_shape
 from ac_common.faults import ISOLABLE_KINDS
 from ac_common.units import KPA
 from ac_plant_node.saturation import saturation_temperature
@@ -45,12 +45,11 @@ ERROR_UNIT = (5.0 * KPA, 2.5)
 
 
 @dataclass(frozen=True)
-class EnvelopeCompensatorDesign:
+class EnvelopeCompensatorDesign(ControllerDesign):
     """K0, and how what is isolated comes in and goes out.
 
     Attributes
     ----------
-    controller : ControllerDesign
     fade_in_s, fade_out_s : float
         Time constants.
     watch_s : float
@@ -59,34 +58,21 @@ class EnvelopeCompensatorDesign:
         The largest average that healthy drives have.
     harmful : float
         By how much the average may exceed that, or what it was when the fault was isolated if that is more.
-    derived : bool
-        Whether the superheat is derived from the measured pressure.
+    derived : float
+        Whether the superheat is derived from the measured pressure: 1 or 0.
     """
 
-    controller: ControllerDesign
     fade_in_s: float = 0.7
     fade_out_s: float = 5.0
     watch_s: float = 30.0
     healthy: float = 2.0
     harmful: float = 1.0
-    derived: bool = False
-
-    @classmethod
-    def from_arrays(cls, arrays: Arrays) -> "EnvelopeCompensatorDesign":
-        """Return the design from the arrays of a file: those of K0, and what differs from the defaults."""
-        own = {name: float(arrays[name]) for name in cls.__dataclass_fields__ if name in arrays and name != "derived"}
-        return cls(ControllerDesign.from_arrays(arrays), **own, derived=bool(arrays.get("derived", False)))
-
-    def to_arrays(self) -> Arrays:
-        """Return what `from_arrays` takes."""
-        own = {name: np.array(value) for name, value in vars(self).items() if name != "controller"}
-        return {**{name: np.array(value) for name, value in vars(self.controller).items()}, **own}
+    derived: float = 0.0
 
     def try_out(self) -> None:
         """Work for one tick: matrices that do not fit show here, not when the loop runs."""
-        rest = self.controller.command_rest
         one, other = ISOLABLE_KINDS
-        EnvelopeCompensator(self).step((1.0, 1e3), one, other, rest, TYPICAL, TYPICAL)
+        EnvelopeCompensator(self).step((1.0, 1e3), one, other, self.command_rest, TYPICAL, TYPICAL)
 
 
 class EnvelopeCompensator:
@@ -102,7 +88,7 @@ class EnvelopeCompensator:
     def __init__(self, design: EnvelopeCompensatorDesign, accommodate: bool = True) -> None:
         self.design = design
         self.accommodate = accommodate
-        k0 = design.controller
+        k0 = design
         n = len(k0.phi)
         self._in = np.zeros(n + 3)
         self._state, self._inputs = self._in[:n], self._in[n:]
@@ -183,7 +169,7 @@ class EnvelopeCompensator:
             used[i] += rate * (goal - used[i])
         f_n, f_p = used
         pressure = float(measured[0])
-        in_superheat = _superheat_fault(pressure, f_p) if self.design.derived else 0.0
+        in_superheat = _superheat_fault(pressure, f_p) if self.design.derived > 0.5 else 0.0
         inputs = self._inputs
         inputs[0], inputs[1], inputs[2] = f_p, in_superheat, self._shift(float(command[0]), f_n)
         q: Vector = self._output @ self._in
@@ -200,7 +186,7 @@ class EnvelopeCompensator:
         """Return what takes f_N off the coordinate of the speed."""
         if f_n == 0.0:
             return 0.0
-        k0 = self.design.controller
+        k0 = self.design
         sent, turning = np.array([speed, 0.0]), np.array([max(speed + f_n, 0.0), 0.0])
         return float((k0.coordinates(sent) - k0.coordinates(turning))[0])
 

@@ -7,6 +7,7 @@ The refrigerant cannot leave the evaporator warmer than the air that enters it, 
 import math
 
 from ac_plant_node.saturation import saturation_slope, saturation_temperature
+from gimc_controller_node.controller import NO_APPROACH_K
 from gimc_controller_node.protection import ProtectionLimits
 
 TOO_DRY = "superheat reference beyond what the inlet air allows: capped"
@@ -47,7 +48,7 @@ class ReferenceLimits:
         if pressure < lowest_pressure or superheat < driest:
             pressure, superheat = max(pressure, lowest_pressure), max(superheat, driest)
             texts.append(self._raised)
-        if air_inlet_temperature_c is not None and self._approach_k > -math.inf:
+        if air_inlet_temperature_c is not None and self._approach_k > NO_APPROACH_K:
             outlet = air_inlet_temperature_c + _ZERO_C - self._approach_k
             highest = outlet - saturation_temperature(pressure)
             if highest < driest and pressure > lowest_pressure:

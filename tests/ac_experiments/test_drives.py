@@ -40,5 +40,5 @@ def test_a_drive_takes_overrides_and_survives_its_own_file():
 @pytest.mark.parametrize("name", ["drive:", "drive:x", "drive:-1", "drive"])
 def test_what_is_no_seed_is_refused(name):
     assert seed_of(name) is None
-    with pytest.raises(UserError, match="unknown scenario|no such"):
+    with pytest.raises(UserError, match=r"unknown scenario|no such"):
         load(name)

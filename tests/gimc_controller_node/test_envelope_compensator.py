@@ -1,12 +1,14 @@
 """Accommodation over the whole envelope: K0 with q reads the truth, and its speed comes out as commanded."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ac_common.design_file import from_file, to_bytes
 from ac_common.units import KPA, RPM
 from ac_design import ENVELOPE_CONTROLLER, design_controller
 from ac_plant_node import Plant, operating_point
@@ -27,12 +29,12 @@ errors = st.lists(st.tuples(st.floats(-5e3, 5e3), st.floats(-3.0, 3.0)), min_siz
 
 @pytest.fixture(scope="module")
 def design() -> EnvelopeCompensatorDesign:
-    return EnvelopeCompensatorDesign(design_controller("med", T, ENVELOPE_CONTROLLER), fade_in_s=1e-9)
+    return EnvelopeCompensatorDesign(**vars(design_controller("med", T, ENVELOPE_CONTROLLER)), fade_in_s=1e-9)
 
 
 def compensated(design, errors, f_n, f_p, isolated, also=None):
     """Commands of K0 with q, and of K0 that reads the truth, to which the inverse of f_N is added."""
-    k0 = design.controller
+    k0 = design
     with_q, truth, compensator = GimcController(k0), GimcController(k0), EnvelopeCompensator(design)
     last, pairs = k0.command_rest, []
     for error in errors:
@@ -62,15 +64,13 @@ def test_a_fault_of_the_speed_is_taken_off_the_command(design, rpm, kpa):
 
 @given(st.floats(-100.0, 100.0), st.floats(-1e4, 1e4), st.sampled_from([None, "unknown"]))
 def test_without_a_fault_that_is_known_there_is_no_q(design, f_n, f_p, isolated):
-    q = EnvelopeCompensator(design).step(
-        (f_n, f_p), isolated, None, design.controller.command_rest, REFERENCE, REFERENCE
-    )
+    q = EnvelopeCompensator(design).step((f_n, f_p), isolated, None, design.command_rest, REFERENCE, REFERENCE)
     assert not q.any()
 
 
 def test_it_comes_and_goes_without_a_jump(design):
-    slow = EnvelopeCompensatorDesign(design.controller)
-    compensator, estimates, rest = EnvelopeCompensator(slow), (40.0 * RPM, 0.0), design.controller.command_rest
+    slow = replace(design, fade_in_s=0.7)
+    compensator, estimates, rest = EnvelopeCompensator(slow), (40.0 * RPM, 0.0), design.command_rest
     coming = [compensator.step(estimates, ACTUATOR, None, rest, REFERENCE, REFERENCE) for _ in range(100)]
     going = [compensator.step(estimates, "unknown", None, rest, REFERENCE, REFERENCE) for _ in range(400)]
     speeds = np.array([np.zeros(2), *coming, *going])[:, 0]
@@ -79,17 +79,17 @@ def test_it_comes_and_goes_without_a_jump(design):
 
 
 def test_a_derived_superheat_is_corrected_with_the_pressure(design):
-    derived = EnvelopeCompensator(EnvelopeCompensatorDesign(design.controller, fade_in_s=1e-9, derived=True))
-    truth, f_p = GimcController(design.controller), 5.0 * KPA
+    derived = EnvelopeCompensator(replace(design, derived=1.0))
+    truth, f_p = GimcController(design), 5.0 * KPA
     measured = np.array([2.6e5, 18.0])
-    q = derived.step((0.0, f_p), SENSOR, None, design.controller.command_rest, REFERENCE, measured)
+    q = derived.step((0.0, f_p), SENSOR, None, design.command_rest, REFERENCE, measured)
     actual = measured - [f_p, saturation_temperature(2.6e5 - f_p) - saturation_temperature(2.6e5)]
-    with_q = GimcController(design.controller).step(REFERENCE, measured, q)
+    with_q = GimcController(design).step(REFERENCE, measured, q)
     assert with_q == pytest.approx(truth.step(REFERENCE, actual, np.zeros(2)), rel=1e-9)
 
 
 def test_growing_errors_withdraw_it_until_nothing_is_isolated(design):
-    compensator, rest = EnvelopeCompensator(design), design.controller.command_rest
+    compensator, rest = EnvelopeCompensator(design), design.command_rest
     far = REFERENCE - np.array([40.0 * KPA, 10.0])
     for _ in range(600):
         compensator.step((40.0 * RPM, 0.0), ACTUATOR, None, rest, REFERENCE, far)
@@ -99,7 +99,7 @@ def test_growing_errors_withdraw_it_until_nothing_is_isolated(design):
 
 
 def test_a_limit_that_leaves_a_part_of_the_fault_is_announced(design):
-    compensator, lowest = EnvelopeCompensator(design), design.controller.command_min
+    compensator, lowest = EnvelopeCompensator(design), design.command_min
     compensator.step((80.0 * RPM, 0.0), ACTUATOR, None, lowest, REFERENCE, REFERENCE)
     assert compensator.does == AT_LIMIT
 
@@ -107,7 +107,7 @@ def test_a_limit_that_leaves_a_part_of_the_fault_is_announced(design):
 @settings(max_examples=20)
 @given(errors, errors)
 def test_one_that_is_restored_goes_on_bit_by_bit(design, before, after):
-    own, other, rest = EnvelopeCompensator(design), EnvelopeCompensator(design), design.controller.command_rest
+    own, other, rest = EnvelopeCompensator(design), EnvelopeCompensator(design), design.command_rest
 
     def step(which, error):
         return which.step((3.0, 2e3), ACTUATOR, SENSOR, rest, REFERENCE, REFERENCE - np.array(error))
@@ -123,18 +123,17 @@ def test_a_state_of_something_else_is_refused(design):
         EnvelopeCompensator(design).restore({"_state": [1.0]})
 
 
-def test_a_design_survives_its_arrays(design):
-    again = EnvelopeCompensatorDesign.from_arrays(design.to_arrays())
-    again.try_out()
-    for name, value in vars(design.controller).items():
-        assert np.array_equal(value, getattr(again.controller, name)), name
-    assert (again.fade_in_s, again.derived) == (design.fade_in_s, design.derived)
+def test_a_design_survives_its_file(design, tmp_path):
+    file = tmp_path / "compensator.npz"
+    file.write_bytes(to_bytes(design))
+    again = from_file(EnvelopeCompensatorDesign, str(file), T)
+    assert all(np.array_equal(value, getattr(again, name)) for name, value in vars(design).items())
 
 
 @pytest.mark.parametrize("point", ["low", "med", "high"])
 def test_both_faults_are_taken_back_on_the_plant(design, point):
-    op, k0 = operating_point(point), GimcController(design.controller)
-    plant, compensator = Plant.at(point), EnvelopeCompensator(EnvelopeCompensatorDesign(design.controller))
+    op, k0 = operating_point(point), GimcController(design)
+    plant, compensator = Plant.at(point), EnvelopeCompensator(replace(design, fade_in_s=0.7))
     f_n, f_p, reference = 40.0 * RPM, 5.0 * KPA, np.array(op.outputs[:2])
     k0.warm_restart(op.inputs[:2], reference, reference)
     outputs, command = op.outputs, np.array(op.inputs[:2])

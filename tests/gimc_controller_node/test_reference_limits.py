@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from ac_design import ENVELOPE_CONTROLLER, design_controller
 from ac_plant_node.saturation import saturation_temperature
 from gimc_controller_node import limited_k0
+from gimc_controller_node.controller import NO_APPROACH_K
 from gimc_controller_node.fallback import FallbackController
 from gimc_controller_node.protection import ProtectionLimits
 from gimc_controller_node.reference_limits import TOO_DRY, TOO_WARM, ReferenceLimits
@@ -42,7 +43,7 @@ def test_each_bound_has_its_words():
 
 def test_without_the_temperature_or_an_approach_nothing_is_capped():
     assert LIMITS.bounded(302e3, 28.0, None) == (302e3, 28.0, "")
-    assert ReferenceLimits(ProtectionLimits(), -np.inf).bounded(302e3, 28.0, 25.0) == (302e3, 28.0, "")
+    assert ReferenceLimits(ProtectionLimits(), NO_APPROACH_K).bounded(302e3, 28.0, 25.0) == (302e3, 28.0, "")
 
 
 def test_the_controller_says_so_and_asks_for_less():
