@@ -283,6 +283,7 @@ class Scenario(_Part):
     passive: bool = False
     sensors: Annotated[int | list[str], PlainValidator(SensorChoice())] = 3
     superheat_sensor: Literal["direct", "derived"] = "direct"
+    design: Literal["paper", "envelope"] = "paper"
     controller: Annotated[str, AfterValidator(ControllerName())] = "tracking"
     references: References = References()
     air: Air = Air()
@@ -325,6 +326,13 @@ class Scenario(_Part):
         return self
 
     @model_validator(mode="after")
+    def _controller_fits(self) -> "Scenario":
+        if self.design == "envelope" and self.controller == "paper":
+            msg = "controller: paper needs design: paper; the envelope has one K0 of its own"
+            raise ValueError(msg)
+        return self
+
+    @model_validator(mode="after")
     def _compensator_fits(self) -> "Scenario":
         self.is_passive()
         return self
@@ -338,10 +346,15 @@ class Scenario(_Part):
             When the compensator is to act with two sensors.
         """
         passive = self.passive if instead is None else instead
-        if self.design_sensors == 2 and not passive:
+        if self.design == "paper" and self.design_sensors == 2 and not passive:
             msg = f"sensors: {self.sensors} needs passive: true, since the compensators are designed for three sensors"
             raise UserError(msg)
         return passive
+
+    @property
+    def envelope_sensors(self) -> tuple[str, ...]:
+        """The sensors that the envelope's design uses: those of the list; a number is about the paper's designs."""
+        return tuple(self.sensors) if isinstance(self.sensors, list) else SENSORS
 
     @property
     def design_sensors(self) -> int:

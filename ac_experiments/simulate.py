@@ -29,7 +29,7 @@ from ac_common.topics import (
     schedule_of,
     truth_of,
 )
-from ac_experiments.designs import Designs, check_controller_of, designs_of
+from ac_experiments.designs import Designs, EnvelopeDesigns, check_controller_of, designs_of
 from ac_experiments.recording import Recording
 from ac_experiments.scenario import Schedule, schedule
 from ac_experiments.scenario_schema import Scenario
@@ -62,7 +62,7 @@ def simulate(
     scenario: Scenario,
     passive: bool | None = None,
     progress: Progress | None = None,
-    designs: Designs | None = None,
+    designs: Designs | EnvelopeDesigns | None = None,
 ) -> Recording:
     """Run `scenario` on the nonlinear plant.
 
@@ -137,12 +137,11 @@ class _Loop:
     events : list of dict
     """
 
-    def __init__(self, scenario: Scenario, designs: Designs, *, accommodate: bool) -> None:
+    def __init__(self, scenario: Scenario, designs: Designs | EnvelopeDesigns, *, accommodate: bool) -> None:
         # Imported here: these compile or load designs, and the command line must answer --help at once.
+        from ac_experiments.blocks import blocks_of
         from ac_plant_node import Plant, operating_point
         from fault_injector_node.injector import FaultInjector, components
-        from fdi_node import FaultDetector
-        from gimc_controller_node import Compensator
         from gimc_controller_node.making import make_controller
 
         check_controller_of(scenario)
@@ -156,8 +155,7 @@ class _Loop:
         self.schedule = schedule(scenario, self._inputs, rest.outputs)
         self._components_of = components
         self._injector = FaultInjector(scenario.noise.std, scenario.noise.seed, scenario.superheat_sensor)
-        self._detector = FaultDetector(designs.fdi)
-        self._compensator = Compensator(designs.compensator, accommodate=accommodate)
+        self._blocks = blocks_of(designs, accommodate)
         self._controller = make_controller(designs.controller, scenario.controller_class)
         self._outputs: list[float] = rest.outputs.tolist()
         # The plant reports the inlet temperatures that acted until now: those held over the sample just past.
@@ -169,16 +167,14 @@ class _Loop:
         """Go around the loop once; return the values of `_MADE`."""
         outputs, air_inlet_c = self._outputs, self._air_inlet_c + self._components[_INLET_SENSOR]
         measured = self._injector.measure(outputs, faults)
-        readings = measured[:3]  # those that the designs use
-        found = self._detector.observe(time_s, readings, air_inlet_c)
-        wanted = tuple(reference.tolist())
-        q = self._compensator.step(found.innovation, found.isolated, found.also_isolated, wanted)
+        found, q = self._blocks.step(time_s, measured, (air_inlet_c, self._condenser_inlet_c), reference)
         reading = self._reading
-        reading[0], reading[1], reading[2] = readings
-        command = self._controller.step(reference, reading, q)
-        self._detector.commanded(command)
-        if self._compensator.does != self._does[COMPENSATOR]:
-            self._announce(time_s, COMPENSATOR, self._compensator.does)
+        reading[0], reading[1], reading[2] = measured[:3]
+        air_c = air_inlet_c if self._blocks.bounds_references else None
+        command = self._controller.step(reference, reading, q, air_c)
+        self._blocks.commanded(command)
+        if (does := self._blocks.does) != self._does[COMPENSATOR]:
+            self._announce(time_s, COMPENSATOR, does)
         if self._controller.does != self._does[CONTROLLER]:
             self._announce(time_s, CONTROLLER, self._controller.does)
         commanded = command.tolist()
