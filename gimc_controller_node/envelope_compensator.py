@@ -65,7 +65,7 @@ class EnvelopeCompensatorDesign(ControllerDesign):
     fade_in_s: float = 0.7
     fade_out_s: float = 5.0
     watch_s: float = 30.0
-    healthy: float = 2.0
+    healthy: float = 3.0
     harmful: float = 1.0
     derived: float = 0.0
 
