@@ -10,6 +10,10 @@ from numpy.typing import NDArray
 
 PROFILES = ("step", "ramp", "sine", "drift", "intermittent", "random_walk", "noise")
 
+#: Of a sensor only: its reading stays what it was at the onset, whatever that makes of it. It has no size.
+STUCK = "stuck"
+SENSOR_PROFILES = (*PROFILES, STUCK)
+
 #: Which extra key each profile takes (all of them take onset and end).
 PROFILE_KEYS: dict[str, tuple[str, ...]] = {
     "step": (),
@@ -19,6 +23,7 @@ PROFILE_KEYS: dict[str, tuple[str, ...]] = {
     "intermittent": ("period_s", "duty_percent"),
     "random_walk": ("time_constant_s", "seed"),
     "noise": ("seed",),
+    STUCK: (),
 }
 
 

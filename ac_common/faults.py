@@ -83,6 +83,11 @@ class Fault:
     default: float | None = None
 
     @property
+    def can_stick(self) -> bool:
+        """Whether it is a sensor's, which may also stand still: the profile ``stuck``."""
+        return self.place is Place.SENSOR or self.kind == INLET_SENSOR
+
+    @property
     def index(self) -> int:
         """Index of its signal in `Command` or `Measurement`, or, for one of the plant, its own in `COMPONENTS`."""
         if self.place is Place.PLANT:
@@ -134,6 +139,10 @@ class Fault:
     def residual_topic(self) -> str:
         """Topic of its estimate, where a filter makes one."""
         return f"fdi/residual/{self.kind}"
+
+
+#: The fault of the sensor of the evaporator's inlet air, whose reading the plant reports by itself.
+INLET_SENSOR = "air_inlet_sensor"
 
 
 def _component(kind: str, symbol: str, largest: float, typical: float, **words: Any) -> Fault:
@@ -226,6 +235,25 @@ FAULTS: tuple[Fault, ...] = (
         more="too high",
         less="too low",
         adds="added to the measured wall temperature",
+        has_filter=False,
+    ),
+    Fault(
+        kind="condenser_pressure_sensor",
+        symbol="f_pc",
+        place=Place.SENSOR,
+        signal="condenser_pressure",
+        unit="kPa",
+        si=KPA,
+        si_unit="Pa",
+        size_key="size_kpa",
+        largest=500.0,
+        typical=50.0,
+        name="condenser pressure sensor",
+        subject="the sensor of the condenser pressure",
+        verb="read",
+        more="too high",
+        less="too low",
+        adds="added to the measured condenser pressure",
         has_filter=False,
     ),
     _component(
@@ -340,9 +368,9 @@ FAULTS: tuple[Fault, ...] = (
         size_key="size_s",
     ),
     _component(
-        "air_inlet_sensor",
+        INLET_SENSOR,
         "f_Ta",
-        20.0,
+        60.0,
         3.0,
         name="air inlet sensor",
         subject="the sensor of the air's inlet temperature",
@@ -368,6 +396,10 @@ ISOLABLE_KINDS: tuple[str, ...] = tuple(fault.kind for fault in ISOLABLE)
 #: Those of the plant, in the order of the joints of ``component/faults``: first those of `ac_plant_node.inputs.FAULTS`.
 COMPONENTS: tuple[Fault, ...] = tuple(fault for fault in FAULTS if fault.place is Place.PLANT)
 COMPONENT_KINDS: tuple[str, ...] = tuple(fault.kind for fault in COMPONENTS)
+#: Those of sensors that may stand still, in the order of every array that says which do.
+STICKING: tuple[Fault, ...] = tuple(fault for fault in FAULTS if fault.can_stick)
+#: What says so on ``scenario/faults``: 1 while the reading stays what it was.
+STUCK_JOINTS: tuple[str, ...] = tuple(f"{fault.kind}_stuck" for fault in STICKING)
 BY_KIND: dict[str, Fault] = {fault.kind: fault for fault in FAULTS}
 
 #: What a fault is isolated as when it is certainly there and none that a filter is for.

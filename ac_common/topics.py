@@ -13,6 +13,7 @@ from ac_common.faults import (
     FAULTS,
     ISOLABLE,
     KINDS,
+    STUCK_JOINTS,
     Fault,
     Place,
 )
@@ -43,7 +44,7 @@ JOINT_FIELD = {
     "latent_cooling": "effort",
     "condensed_water": "velocity",
     "compressor_power": "effort",
-} | dict.fromkeys(KINDS, "position")
+} | dict.fromkeys((*KINDS, *STUCK_JOINTS), "position")
 
 #: Unit of a joint's value.
 JOINT_UNIT = {
@@ -56,6 +57,7 @@ JOINT_UNIT = {
     "condensed_water": "kg/s",
     "compressor_power": "W",
 } | {fault.kind: fault.si_unit for fault in FAULTS}
+JOINT_UNIT |= dict.fromkeys(STUCK_JOINTS, "0 or 1")
 
 # Names of the nodes, as in `ros2 node list`.
 PLANT, INJECTOR, FDI, COMPENSATOR, CONTROLLER = "ac_plant", "fault_injector", "fdi", "compensator", "gimc_controller"
@@ -75,6 +77,7 @@ JOINT_SPAN = {
     "condensed_water": (0.0, 5.0),
     "compressor_power": (-5.0e4, 5.0e4),
 } | {fault.kind: (fault.lowest_live_si, fault.largest_live_si) for fault in FAULTS}
+JOINT_SPAN |= dict.fromkeys(STUCK_JOINTS, (0.0, 1.0))
 
 
 class Scalar(NamedTuple):
@@ -158,6 +161,7 @@ _READINGS = {
     "evaporator_pressure": (PRESSURE, "evaporator", False),
     "superheat": (TEMPERATURE, "evaporator", True),
     "wall_temperature": (TEMPERATURE, "evaporator", True),
+    "condenser_pressure": (PRESSURE, "condenser", False),
 }
 """Type and frame of the readings, and whether a difference of two of them is in K."""
 
@@ -277,7 +281,14 @@ TOPICS: tuple[Topic, ...] = (
         in_kelvin=True,
     ),
     Topic("scenario/air", JOINTS, "air mass flow through the evaporator, kg/s", SCENARIO, (PLANT,), (AIR,)),
-    Topic("scenario/air_inlet_temperature", TEMPERATURE, "its temperature", SCENARIO, (PLANT,), frame="evaporator_air"),
+    Topic(
+        "scenario/air_inlet_temperature",
+        TEMPERATURE,
+        "its temperature",
+        SCENARIO,
+        (PLANT, INJECTOR),
+        frame="evaporator_air",
+    ),
     Topic(
         "scenario/condenser_air",
         JOINTS,
@@ -302,7 +313,14 @@ TOPICS: tuple[Topic, ...] = (
         (PLANT,),
         frame="evaporator_air",
     ),
-    Topic("scenario/faults", JOINTS, "sizes of all faults that the scenario wants", SCENARIO, (INJECTOR,), KINDS),
+    Topic(
+        "scenario/faults",
+        JOINTS,
+        "sizes of all faults that the scenario wants, and which readings stand still",
+        SCENARIO,
+        (INJECTOR,),
+        (*KINDS, *STUCK_JOINTS),
+    ),
     Topic("controller/command", JOINTS, "u, within its limits", CONTROLLER, (INJECTOR, FDI), _ACTUATORS),
     Topic("actuator/command", JOINTS, "what reaches the plant: u with f_N", INJECTOR, (PLANT,), _ACTUATORS),
     Topic(
@@ -396,7 +414,7 @@ def truth_of(kind: str) -> str:
 
 
 def schedule_of(kind: str) -> str:
-    """Return the key in `SERIES` of a fault as the scenario wants it."""
+    """Return the key in `SERIES` of a fault as the scenario wants it; also of one of `STUCK_JOINTS`."""
     return f"scenario/faults:{kind}"
 
 

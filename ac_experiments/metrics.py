@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.errors import UserError
+from ac_common.fault_profiles import STUCK
 from ac_common.faults import BY_KIND, KINDS, UNKNOWN, in_unit
 from ac_common.fdi_status import StatusRow
 from ac_common.files import write_whole
@@ -28,12 +29,13 @@ SETTLED_KPA, SETTLED_DEVIATIONS = 0.25, 4.0
 
 @dataclass(frozen=True)
 class InjectedFault:
-    """One fault of a run: `size` in SI, `end_s` nan when it stayed."""
+    """One fault of a run: `size` in SI, `end_s` nan when it stayed; with `is_stuck` the size is the largest."""
 
     kind: str
     onset_s: float
     end_s: float
     size: float
+    is_stuck: bool = False
 
 
 def summarise(recording: Recording) -> dict[str, Any]:
@@ -49,7 +51,8 @@ def summarise(recording: Recording) -> dict[str, Any]:
         sample time; nodes with none are left out), ``complete`` (False for a recording cut short).
 
         ``faults``: a list in order of onset, each with ``kind``, ``onset_s``, ``end_s`` (None: it stayed), ``size``,
-        ``unit`` (of `size`: rpm, kPa, K), ``detected_s`` (first detection after the onset), ``isolated_s``,
+        ``unit`` (of `size`: rpm, kPa, K), ``stuck`` (True of a reading that stood still: `size` is the most that it was
+        off by), ``detected_s`` (first detection after the onset), ``isolated_s``,
         ``isolated_as`` (the first fault named after the onset, or "unknown"), ``estimate`` (the detector's size of that
         fault in its unit, averaged over the last 20 s of its isolation); and, until the next fault, of the *actual* p_e
         minus its reference: ``peak_pressure_error_kpa``, the largest magnitude, and ``settled_s``, from when on it
@@ -144,8 +147,9 @@ def injected_faults(recording: Recording) -> list[InjectedFault]:
     found = []
     for kind in KINDS:
         truth, planned = _size_of(recording, truth_of(kind)), _size_of(recording, schedule_of(kind))
-        if np.array_equal(truth, planned):
-            found += [fault for fault in _scheduled(recording) if fault.kind == kind]
+        stuck = _size_of(recording, schedule_of(f"{kind}_stuck")) > 0.0
+        if np.array_equal(truth[~stuck], planned[~stuck]):
+            found += _scheduled(recording, kind, truth)
         else:
             time_s = recording.time_s
             found += [_read_off(kind, time_s, truth, start, stop) for start, stop in _episodes(time_s, truth != 0.0)]
@@ -187,19 +191,20 @@ def false_alarms(recording: Recording) -> int:
     return count
 
 
-def _scheduled(recording: Recording) -> list[InjectedFault]:
-    """Return the faults of the scenario whose onset lies within what was recorded."""
-    return [
-        InjectedFault(
-            kind=fault["kind"],
-            onset_s=float(fault["onset_s"]),
-            end_s=math.nan if fault.get("end_s") is None else float(fault["end_s"]),
-            size=float(fault.get(BY_KIND[fault["kind"]].size_key, BY_KIND[fault["kind"]].default))
-            * BY_KIND[fault["kind"]].si,
-        )
-        for fault in recording.metadata["scenario"].get("faults", [])
-        if fault["onset_s"] <= recording.time_s[-1]
-    ]
+def _scheduled(recording: Recording, kind: str, truth: NDArray[np.float64]) -> list[InjectedFault]:
+    """Return the faults of one kind of the scenario whose onset lies within what was recorded."""
+    found, registered, time_s = [], BY_KIND[kind], recording.time_s
+    for fault in recording.metadata["scenario"].get("faults", []):
+        if fault["kind"] != kind or fault["onset_s"] > time_s[-1]:
+            continue
+        end_s = math.nan if fault.get("end_s") is None else float(fault["end_s"])
+        size = float(fault.get(registered.size_key, registered.default)) * registered.si
+        is_stuck = fault.get("profile") == STUCK
+        if is_stuck:
+            there = truth[(time_s >= fault["onset_s"]) & ~(time_s >= end_s)]
+            size = float(there[np.argmax(np.abs(there))])
+        found.append(InjectedFault(kind, float(fault["onset_s"]), end_s, size, is_stuck))
+    return found
 
 
 def _read_off(
@@ -247,6 +252,7 @@ def _fault_summary(recording: Recording, faults: list[InjectedFault], number: in
         "end_s": _number(fault.end_s),
         "size": in_unit(fault.kind, fault.size),
         "unit": BY_KIND[fault.kind].unit,
+        "stuck": fault.is_stuck,
         "detected_s": detection.time_s if detection else None,
         "isolated_s": isolation.time_s if isolation else None,
         "isolated_as": isolation.isolated if isolation else None,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from ac_common.errors import UserError, nearest, one_line, shortened
-from ac_common.faults import FAULTS, KINDS, Fault
+from ac_common.faults import FAULTS, KINDS, STICKING, Fault
 from ac_common.units import KPA
 from ac_common.yaml_file import parsed, text_of, yaml_text
 from ac_experiments.drives import drive, seed_of
@@ -34,12 +34,15 @@ class Schedule:
         (K, 5) the fields of `ac_common.signals.AirSide`.
     faults
         (K, F) size of each fault of `ac_common.faults.FAULTS`, SI.
+    stuck
+        (K, S) of each of `ac_common.faults.STICKING` 1 while its reading stands still, else 0.
     """
 
     time_s: NDArray[np.float64]
     reference: NDArray[np.float64]
     air: NDArray[np.float64]
     faults: NDArray[np.float64]
+    stuck: NDArray[np.float64]
 
 
 def schedule(scenario: Scenario, inputs: NDArray[np.float64], outputs: NDArray[np.float64]) -> Schedule:
@@ -75,6 +78,7 @@ def schedule(scenario: Scenario, inputs: NDArray[np.float64], outputs: NDArray[n
             ]
         ),
         faults=np.column_stack([_of_kind(scenario, kind, time_s) for kind in FAULTS]),
+        stuck=np.column_stack([_stuck(scenario, kind, time_s) for kind in STICKING]),
     )
 
 
@@ -82,6 +86,12 @@ def _of_kind(scenario: Scenario, kind: Fault, time_s: NDArray[np.float64]) -> ND
     """Return the sum of all faults of a kind over time, (K,), SI; limited, since a random walk goes anywhere."""
     faults = (fault.over(time_s) for fault in scenario.faults if fault.fault is kind)
     return np.clip(sum(faults, start=np.zeros_like(time_s)), kind.lowest_si, kind.largest_si)
+
+
+def _stuck(scenario: Scenario, kind: Fault, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return 1 where a reading stands still, else 0, (K,)."""
+    faults = [fault.stuck(time_s) for fault in scenario.faults if fault.fault is kind]
+    return np.any([np.zeros_like(time_s, dtype=bool), *faults], axis=0).astype(np.float64)
 
 
 def _moves(time_s: NDArray[np.float64], changes: Sequence[Change]) -> NDArray[np.float64]:

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainValidator, create_model, model_validator
 
 from ac_common.errors import UserError, nearest, shortened
-from ac_common.fault_profiles import PROFILE_KEYS, unit_profile
-from ac_common.faults import BY_KIND, FAULTS, Fault
+from ac_common.fault_profiles import PROFILE_KEYS, PROFILES, SENSOR_PROFILES, STUCK, unit_profile
+from ac_common.faults import BY_KIND, FAULTS, KINDS, Fault
 from ac_common.sample_time import DEFAULT_SAMPLE_TIME_S, LONGEST_SAMPLE_TIME_S, SHORTEST_SAMPLE_TIME_S
 from ac_common.units import KPA
 
@@ -155,15 +155,26 @@ class ScheduledFault(_Part):
 
     onset_s: float = Field(ge=0.0)
     end_s: float | None = None
-    profile: Literal["step", "ramp", "sine", "drift", "intermittent", "random_walk", "noise"] = "step"
+    profile: str = "step"
     rise_s: float | None = Field(default=None, ge=SHORTEST_S)
     period_s: float | None = Field(default=None, ge=SHORTEST_S)
     time_constant_s: float | None = Field(default=None, ge=SHORTEST_S)
     duty_percent: float | None = Field(default=None, gt=0.0, lt=100.0)
     seed: int | None = Field(default=None, ge=0, le=LARGEST_SEED)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _without_size(cls, given: Any) -> Any:
+        """Spare a sensor that is stuck its size."""
+        if isinstance(given, Mapping) and given.get("profile") == STUCK and given.get("kind") in KINDS:
+            return {BY_KIND[given["kind"]].size_key: 0.0, **given}
+        return given
+
     @model_validator(mode="after")
     def _consistent(self) -> "ScheduledFault":
+        if self.profile == STUCK and self.size:
+            msg = f"{self.fault.size_key} does not belong to the profile '{STUCK}': the reading stays what it is"
+            raise ValueError(msg)
         if self.end_s is not None and self.end_s <= self.onset_s:
             msg = f"end_s {self.end_s:g} must come after onset_s {self.onset_s:g}"
             raise ValueError(msg)
@@ -187,14 +198,26 @@ class ScheduledFault(_Part):
     def over(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the fault over the ticks `time_s`, shape (K,), SI."""
         shape = {key: getattr(self, key) for key in PROFILE_KEYS[self.profile] if getattr(self, key) is not None}
+        if self.profile == STUCK:
+            return np.zeros_like(time_s)
         return self.size * unit_profile(time_s, self.profile, self.onset_s, self.end_s, **shape)
+
+    def stuck(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return whether it makes its reading stand still at the ticks `time_s`, shape (K,)."""
+        ends = np.inf if self.end_s is None else self.end_s
+        return (self.profile == STUCK) & (time_s >= self.onset_s) & (time_s < ends)
 
 
 def _model_of(fault: Fault) -> type[ScheduledFault]:
     """Return the part of a scenario file that describes a fault of this kind."""
     default = ... if fault.default is None else fault.default
     size = (float, Field(default=default, ge=fault.lowest, le=fault.largest))
-    fields: dict[str, Any] = {"kind": (Literal[fault.kind], ...), fault.size_key: size}
+    profiles = SENSOR_PROFILES if fault.can_stick else PROFILES
+    fields: dict[str, Any] = {
+        "kind": (Literal[fault.kind], ...),
+        fault.size_key: size,
+        "profile": (Literal[profiles], "step"),
+    }
     return create_model(fault.kind, __base__=ScheduledFault, **fields)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.errors import RunError
-from ac_common.faults import COMPONENT_KINDS, ISOLABLE_KINDS, KINDS
+from ac_common.faults import COMPONENT_KINDS, INLET_SENSOR, ISOLABLE_KINDS, KINDS, STICKING, STUCK_JOINTS
 from ac_common.fdi_status import StatusRow
 from ac_common.health import AS_USUAL
 from ac_common.signals import Innovation, Measurement, PlantOutput, Reference, topics_of
@@ -54,8 +54,10 @@ _MADE = (
     *(f"controller/command:{joint}" for joint in _ACTUATORS),
     *(f"actuator/command:{joint}" for joint in _ACTUATORS),
     *BY_NAME["component/faults"].series,
+    *(truth_of(fault.kind) for fault in STICKING),
 )
-_INLET_SENSOR = COMPONENT_KINDS.index("air_inlet_sensor")
+_INLET = COMPONENT_KINDS.index(INLET_SENSOR)
+_STICKING = tuple(KINDS.index(fault.kind) for fault in STICKING)
 
 
 def simulate(
@@ -94,10 +96,10 @@ def simulate(
     loop = _Loop(scenario, designs or designs_of(scenario), accommodate=not passive)
     plan, ticks = loop.schedule, scenario.ticks
     made = np.empty((ticks, len(_MADE)))
-    times, faults, air = plan.time_s.tolist(), plan.faults.tolist(), plan.air.tolist()
+    times, faults, air, stuck = plan.time_s.tolist(), plan.faults.tolist(), plan.air.tolist(), plan.stuck.tolist()
     started = time.perf_counter()
     for k, reference in enumerate(plan.reference):
-        made[k] = loop.tick(times[k], reference, faults[k])
+        made[k] = loop.tick(times[k], reference, loop.stick(air[k], faults[k], stuck[k]))
         try:
             loop.advance(air[k])
         except ValueError as problem:
@@ -163,9 +165,13 @@ class _Loop:
         self._components = (0.0,) * len(COMPONENT_KINDS)
         self._does = {COMPENSATOR: "", CONTROLLER: ""}
 
+    def stick(self, air: Sequence[float], faults: Sequence[float], stuck: Sequence[float]) -> Sequence[float]:
+        """Return the faults of this tick with what the readings that stand still are off by."""
+        return self._injector.stick(self._outputs, air[1], faults, stuck)
+
     def tick(self, time_s: float, reference: NDArray[np.float64], faults: Sequence[float]) -> tuple[float, ...]:
         """Go around the loop once; return the values of `_MADE`."""
-        outputs, air_inlet_c = self._outputs, self._air_inlet_c + self._components[_INLET_SENSOR]
+        outputs, air_inlet_c = self._outputs, self._air_inlet_c + self._components[_INLET]
         measured = self._injector.measure(outputs, faults)
         found, q = self._blocks.step(time_s, measured, (air_inlet_c, self._condenser_inlet_c), reference)
         reading = self._reading
@@ -183,11 +189,12 @@ class _Loop:
         sizes = self._components_of(faults)
         if sizes != self._components:
             self._components = sizes
-            self._plant.hold_faults(sizes[:_INLET_SENSOR])
+            self._plant.hold_faults(sizes[:_INLET])
         self.status.append(found.status(time_s))
         seen = (*measured, *found.innovation, *found.residual)
         told = (air_inlet_c, self._condenser_inlet_c, *self._plant.performance)
-        return (*outputs, *told, *seen, *q.tolist(), *commanded, *actuator, *sizes)
+        off = [faults[number] for number in _STICKING]
+        return (*outputs, *told, *seen, *q.tolist(), *commanded, *actuator, *sizes, *off)
 
     def advance(self, air: Sequence[float]) -> None:
         """Let the plant run on to the next tick with the actuators as they are; raises ValueError when it cannot."""
@@ -206,5 +213,7 @@ def _series(made: NDArray[np.float64], plan: Schedule) -> dict[str, NDArray[np.f
     columns |= dict(zip(topics_of("reference", Reference), plan.reference.T, strict=True))
     columns |= dict(zip([BY_NAME[topic].series[0] for topic in AIR_SIDE], plan.air.T, strict=True))
     for kind, sizes in zip(KINDS, plan.faults.T, strict=True):
-        columns[schedule_of(kind)] = columns[truth_of(kind)] = sizes
+        columns[schedule_of(kind)] = sizes
+        columns.setdefault(truth_of(kind), sizes)
+    columns |= {schedule_of(joint): stuck for joint, stuck in zip(STUCK_JOINTS, plan.stuck.T, strict=True)}
     return {key: columns[key].copy() for key in SERIES if key in columns}

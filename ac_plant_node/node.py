@@ -19,7 +19,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from ac_common.faults import COMPONENT_KINDS
+from ac_common.faults import COMPONENT_KINDS, INLET_SENSOR
 from ac_common.health import PlantReport
 from ac_common.safe_command import COMMAND_HOLD_S, CommandHold
 from ac_common.signals import Performance
@@ -48,7 +48,7 @@ PARAMETERS = (
     Parameter("ticks", 0, "stop after this many ticks; 0: never", low=0, high=2**31 - 1),
 )
 NO_FAULTS = (0.0,) * len(COMPONENT_KINDS)
-INLET_SENSOR = COMPONENT_KINDS.index("air_inlet_sensor")
+INLET = COMPONENT_KINDS.index(INLET_SENSOR)
 #: A command that is later than this is not counted in the latencies any more.
 MOST_LATE_TICKS = 1000
 #: A wake-up that is late by more than this share of the sample time is counted.
@@ -181,7 +181,7 @@ class PlantNode(LoopNode):
         self.send(time_ns, "plant/evaporator_pressure", p_e)
         self.send(time_ns, "plant/superheat", superheat)
         self.send(time_ns, "plant/wall_temperature", wall)
-        self.send(time_ns, "plant/air_inlet_temperature", float(self._held[3]) + self._faults[INLET_SENSOR])
+        self.send(time_ns, "plant/air_inlet_temperature", float(self._held[3]) + self._faults[INLET])
         self.send(time_ns, "plant/condenser_pressure", p_c)
         self.send(time_ns, "plant/condenser_air_inlet_temperature", float(self._held[5]))
         *joints, vent, subcooling = getattr(self._plant, "performance", _UNTOLD)
@@ -219,7 +219,7 @@ class PlantNode(LoopNode):
             return
         self._faults = sizes
         if isinstance(self._plant, FaultyModel):
-            self._plant.hold_faults(sizes[:INLET_SENSOR])
+            self._plant.hold_faults(sizes[:INLET])
 
     def on_deadline(self) -> None:
         """Begin the next tick of the wall clock with the newest command."""

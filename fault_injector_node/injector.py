@@ -1,6 +1,6 @@
 """Faults and noise between plant and loop: sensor faults and noise on the readings, actuator faults on the command.
 
-    actual  -> [+ noise] -> [+ sensor faults] -> [derived superheat] -> measured
+    actual  -> [+ noise] -> [+ sensor faults] -> [unless it stands still] -> [derived superheat] -> measured
     command -> [+ actuator faults] -> [not below zero] -> actuator
     components' faults -> [within their limits] -> plant
 
@@ -8,12 +8,13 @@ The superheat is measured by itself (the paper), or, as in a car, derived from a
 that is *measured*: `SH = T_out - T_sat(p_e)`, so what is wrong with the pressure is wrong with the superheat as well.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ac_common.faults import FAULTS, Place, faults_at
+from ac_common.faults import FAULTS, INLET_SENSOR, KINDS, STICKING, Place, faults_at
 from ac_common.signals import Command, Measurement
 
 Vector = NDArray[np.float64]
@@ -22,6 +23,11 @@ _TICKS_AT_ONCE = 200
 _COMPONENTS = tuple(
     (number, fault.lowest_si, fault.largest_si) for number, fault in enumerate(FAULTS) if fault.place is Place.PLANT
 )
+#: Of each of `STICKING`: its number in `FAULTS`, and its place among the readings, of which the inlet air comes last.
+_INLET = len(Measurement._fields)
+_STICKING = tuple((FAULTS.index(fault), fault.index if fault.place is Place.SENSOR else _INLET) for fault in STICKING)
+_INLET_FAULT = KINDS.index(INLET_SENSOR)
+_NOTHING_HELD = (math.nan,) * (_INLET + 1)
 _SENSOR_FAULTS, _ACTUATOR_FAULTS = faults_at(Place.SENSOR), faults_at(Place.ACTUATOR)
 
 
@@ -62,6 +68,46 @@ class FaultInjector:
             raise ValueError(msg)
         self._noise = _noise(std[:3], [seed]) if np.any(std[:3] > 0.0) else None
         self._high_side_noise = _noise(std[3:], [seed, 1]) if np.any(std[3:] > 0.0) else None
+        self._held: Sequence[float] = _NOTHING_HELD  # readings that stand still; nan: it does not
+        self._last = list(_NOTHING_HELD)  # readings of the tick before, of a derived superheat the thermocouple's
+
+    def stick(
+        self, actual: Sequence[float], air_inlet_c: float, faults: Sequence[float], stuck: Sequence[float]
+    ) -> Sequence[float]:
+        """Return the faults of this tick with what the readings that stand still are off by; to be called first.
+
+        Such a reading stays what it was in the tick before, noise and other faults included: `measure` gives it
+        again bit for bit. That of the inlet air is the plant's, which adds its fault: the same but for rounding.
+
+        Parameters
+        ----------
+        actual, faults : sequence of float
+            As in `measure`.
+        air_inlet_c : float
+            Temperature of the inlet air.
+        stuck : sequence of float
+            Of each of `ac_common.faults.STICKING`: above zero while its reading stands still.
+        """
+        if not any(stuck):
+            self._held = _NOTHING_HELD
+            self._last[_INLET] = air_inlet_c + faults[_INLET_FAULT]
+            return faults
+        given, held = list(faults), list(_NOTHING_HELD)
+        for (number, reading), is_stuck in zip(_STICKING, stuck, strict=True):
+            if is_stuck:
+                now = air_inlet_c if reading == _INLET else actual[reading] + self._saturation_c(actual, reading)
+                for before in (self._held[reading], self._last[reading], now):
+                    if not math.isnan(before):
+                        held[reading] = before
+                        break
+                given[number] = held[reading] - now
+        self._held = held
+        self._last[_INLET] = air_inlet_c + given[_INLET_FAULT]
+        return tuple(given)
+
+    def _saturation_c(self, actual: Sequence[float], reading: int) -> float:
+        """Return what the sensor of the superheat reads more than that: nothing, unless it is a thermocouple."""
+        return float(self._saturation_temperature(actual[0])) if self._derived and reading == 1 else 0.0
 
     def measure(self, actual: Sequence[float], faults: Sequence[float]) -> Measurement:
         """Return the readings of this tick.
@@ -86,7 +132,13 @@ class FaultInjector:
             measured[3] += next(self._high_side_noise)[0]
         for fault, reading in _SENSOR_FAULTS:
             measured[reading] += faults[fault]
+        if self._held is not _NOTHING_HELD:
+            for reading, held in enumerate(self._held[:_INLET]):
+                if not math.isnan(held):
+                    measured[reading] = held - self._saturation_c(actual, reading)
+        self._last[:_INLET] = measured
         if self._derived:
+            self._last[1] += self._saturation_c(actual, 1)
             measured[1] += self._saturation_temperature(actual[0]) - self._saturation_temperature(measured[0])
         return Measurement(*measured)
 

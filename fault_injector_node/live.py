@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ac_common.fault_profiles import PROFILES, grown
+from ac_common.fault_profiles import SENSOR_PROFILES, STUCK, grown
 
 
 @dataclass(frozen=True)
@@ -48,10 +48,15 @@ class LiveFault:
         """Whether the fault has been started and not stopped."""
         return self._shape is not None
 
+    @property
+    def is_stuck(self) -> bool:
+        """Whether the reading is to stay what it is."""
+        return self._shape is not None and self._shape.profile == STUCK
+
     def start(self, shape: Shape) -> None:
         """Begin at the next tick, from its beginning also when it is running already."""
-        if shape.profile not in PROFILES:
-            msg = f"fault profile {shape.profile!r} is unknown; allowed: {', '.join(PROFILES)}"
+        if shape.profile not in SENSOR_PROFILES:
+            msg = f"fault profile {shape.profile!r} is unknown; allowed: {', '.join(SENSOR_PROFILES)}"
             raise ValueError(msg)
         self._shape = shape
         self._onset_s = math.nan
@@ -68,7 +73,7 @@ class LiveFault:
         self._shape = None
 
     def value(self, time_s: float) -> float:
-        """Return the fault at this tick, in the unit of its size; call it once a tick.
+        """Return the fault at this tick, in the unit of its size; call it once a tick. One that is stuck has no size.
 
         Parameters
         ----------
@@ -76,7 +81,7 @@ class LiveFault:
             Time of the tick; the first call after `start` is the onset.
         """
         shape = self._shape
-        if shape is None:
+        if shape is None or shape.profile == STUCK:
             return 0.0
         if math.isnan(self._onset_s):
             self._onset_s = time_s

@@ -15,8 +15,8 @@ from functools import partial
 from rclpy.parameter import Parameter as RosParameter
 from std_srvs.srv import SetBool
 
-from ac_common.fault_profiles import PROFILES
-from ac_common.faults import BY_KIND, FAULTS, KINDS, Fault
+from ac_common.fault_profiles import PROFILES, SENSOR_PROFILES, STUCK
+from ac_common.faults import BY_KIND, FAULTS, KINDS, STICKING, Fault
 from ac_common.health import InjectorReport
 from ac_common.safe_command import COMMAND_HOLD_S, CommandHold
 from ac_common.signals import Command, Measurement, topics_of
@@ -30,8 +30,9 @@ from fault_injector_node.live import LiveFault, Shape
 
 def _live_parameters(fault: Fault) -> tuple[Parameter, ...]:
     kind, size, least, most = fault.kind, fault.size_parameter, fault.lowest_live_si, fault.largest_live_si
+    profiles = SENSOR_PROFILES if fault.can_stick else PROFILES
     return (
-        Parameter(f"{kind}.profile", "step", "how the live fault grows", choices=PROFILES, live=True),
+        Parameter(f"{kind}.profile", "step", "how the live fault grows", choices=profiles, live=True),
         Parameter(f"{kind}.{size}", 0.0, f"size of the live fault, {fault.si_unit}", least, most, live=True),
         Parameter(f"{kind}.rise_s", 60.0, "ramp: time to full size", 0.01, 86400.0, live=True),
         Parameter(f"{kind}.period_s", 60.0, "sine, intermittent: period", 0.01, 86400.0, live=True),
@@ -64,10 +65,10 @@ PARAMETERS = (
 )
 ACTUAL = topics_of("plant", Measurement)
 MEASURED = topics_of("measured", Measurement)
-SCHEDULE = "scenario/faults"
+SCHEDULE, AIR_INLET = "scenario/faults", "scenario/air_inlet_temperature"
 #: Topics of what is injected, and whether one is silent while it is zero.
 TRUTHS = tuple((fault.truth_topic, BY_NAME[fault.truth_topic].silent_at_zero) for fault in FAULTS)
-NO_FAULT: tuple[float, ...] = (0.0,) * len(FAULTS)
+NO_FAULT: Sequence[float] = (0.0,) * len(FAULTS)
 #: Ticks whose command may still be on its way.
 MOST_OPEN_TICKS = 100
 
@@ -87,32 +88,35 @@ class InjectorNode(LoopNode):
         self._live = {kind: LiveFault(self.value("sample_time_s")) for kind in KINDS}
         self._last_faults = self._told = NO_FAULT
         self._moved_ns = -1  # the last tick in which actuators were moved without a command
-        self._open: dict[int, tuple[float, ...]] = {}  # of ticks whose command has not come yet
+        self._open: dict[int, Sequence[float]] = {}  # of ticks whose command has not come yet
         self._measured_ns = -1
         self._derived = self.value("superheat_sensor") == "derived"
         rest = rest_at(self.value("operating_point"))
         self._actual = Measurement(*rest["outputs"].tolist())
+        self._air_inlet_c = float(rest["inputs"][3])
         self._tick_ns = round(1e9 * self.sample_time_s)
         self._early: tuple[int, float, float] | None = None  # a command that overtook its tick's measurement
         self._hold = CommandHold(rest["inputs"][:2], self.sample_time_s, self.value("command_hold_s"))
         # Before the first command of a run there is nothing to miss.
         self._commanded_ns = 0 if self.run_start_ns >= 0 else None
         self.on_tick(
-            (*ACTUAL, SCHEDULE),
+            (*ACTUAL, AIR_INLET, SCHEDULE),
             self._measure,
-            holds_s={SCHEDULE: math.inf},
-            optional=ACTUAL,
+            holds_s={SCHEDULE: math.inf, AIR_INLET: math.inf},
+            optional=(*ACTUAL, AIR_INLET),
             patience=0.3,
         )
         self.on_tick(("controller/command",), self._actuate)
 
     def _measure(self, time_ns: int, *values: float | None) -> None:
-        actual, scheduled = values[: len(ACTUAL)], values[len(ACTUAL) :]
+        actual, (air_inlet_c, *scheduled) = values[: len(ACTUAL)], values[len(ACTUAL) :]
         missing = [value is None for value in actual]
         if all(missing):
             return
+        sizes, wanted = scheduled[: len(KINDS)], scheduled[len(KINDS) :]
         live = [fault.value(time_ns / 1e9) for fault in self._live.values()]
-        faults = tuple([(one or 0.0) + more for one, more in zip(scheduled, live, strict=True)])
+        faults: Sequence[float] = tuple([(one or 0.0) + more for one, more in zip(sizes, live, strict=True)])
+        stuck = [float(one or self._live[fault.kind].is_stuck) for one, fault in zip(wanted, STICKING, strict=True)]
         if self.is_realtime:
             self._watch(time_ns, faults)
         self._open[time_ns] = faults
@@ -122,6 +126,9 @@ class InjectorNode(LoopNode):
         self._actual = Measurement(
             *(last if value is None else value for value, last in zip(actual, self._actual, strict=True))
         )
+        if air_inlet_c is not None:
+            self._air_inlet_c = air_inlet_c
+        faults = self._injector.stick(self._actual, self._air_inlet_c, faults, stuck)
         if self._derived:
             missing[1] = missing[1] or missing[0]
         measured = self._injector.measure(self._actual, faults)
@@ -151,7 +158,7 @@ class InjectorNode(LoopNode):
         actuator = self._injector.actuate(Command(compressor_speed, valve_opening), faults)
         self.send(time_ns, "actuator/command", *actuator)
 
-    def _watch(self, time_ns: int, faults: tuple[float, ...]) -> None:
+    def _watch(self, time_ns: int, faults: Sequence[float]) -> None:
         """Notice at the beginning of a tick that the one before had no command."""
         self._last_faults = faults
         if self._commanded_ns is None or self._commanded_ns >= time_ns - 3 * self._tick_ns // 2:
@@ -179,9 +186,8 @@ class InjectorNode(LoopNode):
         if request.data:
             shape = self._shape(kind)
             self._live[kind].start(shape)
-            response.message = (
-                f"{kind}: {shape.profile} of {shape.size:g} {BY_KIND[kind].si_unit} starts with the next tick"
-            )
+            what = "stuck" if shape.profile == STUCK else f"{shape.profile} of {shape.size:g} {BY_KIND[kind].si_unit}"
+            response.message = f"{kind}: {what} starts with the next tick"
         else:
             self._live[kind].stop()
             response.message = f"{kind}: ends with the next tick"

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gimc.checks import intensity, matrix_of_shape, real_matrix
 from gimc.errors import NotDetectableError, NotStabilisableError, UnstableError
 from gimc.interconnect import Abcd, Matrix, abcd, state_space
 from gimc.modes import unreachable_mode
@@ -43,7 +44,7 @@ def lcf(sys: Any, L: ArrayLike | None = None, *, normalised: bool = False) -> tu
     system = abcd(sys)
     if normalised and L is not None:
         raise ValueError("lcf: a normalised factorisation determines L, do not give both")
-    gain = filter_gain(sys) if L is None else np.asarray(L, dtype=float)
+    gain = filter_gain(sys) if L is None else real_matrix(L, "lcf", "observer gain L")
     _check_gain(system, gain)
     M, N = coprime_factor(system, gain), coprime_factor(system, gain, system.B, system.D)
     if normalised:
@@ -100,14 +101,15 @@ def filter_gain(
     Raises
     ------
     NotDetectableError, NotStabilisableError, RiccatiError
+    ValueError
+        If an intensity is not symmetric, has another shape, or is negative (R: not positive).
     """
     A, B, C, D = abcd(sys)
     n, p = A.shape[0], C.shape[0]
-    Q = B @ B.T if process is None else np.asarray(process, dtype=float)
+    Q = B @ B.T if process is None else intensity("process", process, n, definite=False)
     default_cross = B @ D.T if process is None else np.zeros((n, p))
-    S = default_cross if cross is None else np.asarray(cross, dtype=float)
-    R = np.eye(p) + D @ D.T if measurement is None else np.asarray(measurement, dtype=float)
-    R = np.diag(R) if R.ndim == 1 else R
+    S = default_cross if cross is None else matrix_of_shape("cross", cross, n, p)
+    R = np.eye(p) + D @ D.T if measurement is None else intensity("measurement", measurement, p, definite=True)
     _check_modes(A, Q, C)
     Ri = np.linalg.inv(R)
     At, Qt = A - S @ Ri @ C, Q - S @ Ri @ S.T

@@ -6,25 +6,39 @@ physics needs.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from itertools import pairwise
+from typing import Any
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from gimc.errors import IllPosedError
+from gimc.checks import matrix_of_shape, real_matrix, whole_number
+from gimc.errors import IllPosedError, SynthesisError
+from gimc.realisation import realise
+from gimc.systems import Abcd, Matrix, Response, in_series
 
-Matrix = NDArray[np.float64]
-Response = NDArray[np.complex128]
-
-
-class Abcd(NamedTuple):
-    """Matrices of `x' = A x + B u, y = C x + D u`: shapes (n, n), (n, m), (p, n), (p, m)."""
-
-    A: Matrix
-    B: Matrix
-    C: Matrix
-    D: Matrix
+__all__ = [
+    "Abcd",
+    "Matrix",
+    "Response",
+    "abcd",
+    "add",
+    "append",
+    "block_diagonal",
+    "block_sizes",
+    "connect",
+    "equilibrated",
+    "generalised_plant",
+    "inverse",
+    "lft",
+    "safe_inverse",
+    "scale",
+    "series",
+    "stack_inputs",
+    "stack_outputs",
+    "state_space",
+]
 
 
 def abcd(sys: Any, *, what: str = "system") -> Abcd:
@@ -40,32 +54,44 @@ def abcd(sys: Any, *, what: str = "system") -> Abcd:
     Raises
     ------
     ValueError
-        If it is a discrete-time system, or has an entry that is not finite.
+        If it is a discrete-time system, a frequency response, or no system at all; if the shapes of its matrices do not
+        fit; or if an entry is complex or not finite.
     """
-    if isinstance(sys, Abcd):
-        return sys
+    if isinstance(sys, control.StateSpace | control.TransferFunction) and sys.dt not in (0, None):
+        raise ValueError(f"{what}: a continuous-time system is needed, this one is sampled with dt = {sys.dt}")
     if isinstance(sys, control.TransferFunction):
         return _realised(sys, what)
-    if not isinstance(sys, control.StateSpace):
-        gain = np.atleast_2d(np.asarray(sys, dtype=float))
-        if not np.isfinite(gain).all():
-            raise ValueError(f"{what}: a gain has entries that are not finite")
-        return Abcd(np.zeros((0, 0)), np.zeros((0, gain.shape[1])), np.zeros((gain.shape[0], 0)), gain)
-    if sys.dt not in (0, None):
-        raise ValueError(f"{what}: a continuous-time system is needed, this one is sampled with dt = {sys.dt}")
-    matrices = Abcd(*(np.array(matrix, dtype=float) for matrix in (sys.A, sys.B, sys.C, sys.D)))
-    for name, matrix in zip("ABCD", matrices, strict=True):
-        if not np.isfinite(matrix).all():
-            raise ValueError(f"{what}: {name} has entries that are not finite")
+    if isinstance(sys, Abcd):
+        return _checked(sys, what)
+    if isinstance(sys, control.StateSpace):
+        return _checked(Abcd(*(np.array(matrix) for matrix in (sys.A, sys.B, sys.C, sys.D))), what)
+    if isinstance(sys, control.InputOutputSystem):
+        raise ValueError(f"{what}: {type(sys).__name__} has no state-space matrices; give a StateSpace")
+    gain = real_matrix(sys, what, "a gain")
+    if gain.ndim > 2:
+        raise ValueError(f"{what}: a gain has {gain.ndim} dimensions, must have at most 2: outputs by inputs")
+    gain = np.atleast_2d(gain)
+    return Abcd(np.zeros((0, 0)), np.zeros((0, gain.shape[1])), np.zeros((gain.shape[0], 0)), gain)
+
+
+def _checked(system: Abcd, what: str) -> Abcd:
+    """The same system, its matrices real, finite and of shapes that fit."""
+    matrices = Abcd(*(real_matrix(matrix, what, name) for name, matrix in zip("ABCD", system, strict=True)))
+    shapes = [matrix.shape for matrix in matrices]
+    n, (p, m) = len(matrices.A) if matrices.A.ndim else 0, (*matrices.D.shape, 0, 0)[:2]
+    if shapes != [(n, n), (n, m), (p, n), (p, m)]:
+        found = ", ".join(map(str, shapes))
+        raise ValueError(f"{what}: A, B, C, D have shapes {found}, must have (n, n), (n, m), (p, n), (p, m)")
     return matrices
 
 
 def _realised(sys: Any, what: str) -> Abcd:
     """Realisation of a transfer matrix element by element (not minimal: see `gimc.minimal_realisation`)."""
-    if sys.issiso():
-        return abcd(control.StateSpace(control.ss(sys)), what=what)
-    rows = [[abcd(sys[i, j], what=what) for j in range(sys.ninputs)] for i in range(sys.noutputs)]
-    return generalised_plant(rows)
+    rows = [
+        [realise(sys.num[i][j], sys.den[i][j], f"{what}, element {i}, {j}") for j in range(sys.ninputs)]
+        for i in range(sys.noutputs)
+    ]
+    return rows[0][0] if sys.issiso() else generalised_plant(rows)
 
 
 def state_space(matrices: Sequence[ArrayLike], like: Any = None, *, inputs: Any = None, outputs: Any = None) -> Any:
@@ -114,14 +140,9 @@ def stack_outputs(*systems: Any) -> Abcd:
 def series(*systems: Any) -> Abcd:
     """`G1 G2 ... Gk`: the product in the order written, so the last one acts first."""
     parts = [abcd(system) for system in systems]
-    result = parts[-1]
-    for left in reversed(parts[:-1]):
-        _same("outputs of the right factor, inputs of the left one", [result.D.shape[0], left.D.shape[1]])
-        n, k = left.A.shape[0], result.A.shape[0]
-        A = np.block([[left.A, left.B @ result.C], [np.zeros((k, n)), result.A]])
-        B = np.vstack([left.B @ result.D, result.B])
-        result = Abcd(A, B, np.hstack([left.C, left.D @ result.C]), left.D @ result.D)
-    return result
+    for left, right in pairwise(parts):
+        _same("outputs of the right factor, inputs of the left one", [right.D.shape[0], left.D.shape[1]])
+    return in_series(*parts)
 
 
 def add(*systems: Any) -> Abcd:
@@ -137,9 +158,11 @@ def scale(sys: Any, left: ArrayLike | None = None, right: ArrayLike | None = Non
     A, B, C, D = abcd(sys)
     if left is not None:
         gain = _as_matrix(left)
+        gain = matrix_of_shape("scale: left", gain, gain.shape[0], D.shape[0])
         C, D = gain @ C, gain @ D
     if right is not None:
         gain = _as_matrix(right)
+        gain = matrix_of_shape("scale: right", gain, D.shape[1], gain.shape[1])
         B, D = B @ gain, D @ gain
     return Abcd(A, B, C, D)
 
@@ -170,10 +193,18 @@ def connect(
     ------
     IllPosedError
         If the algebraic loop has no solution.
+    ValueError
+        If a matrix has another shape.
     """
     A, B, C, D = abcd(sys)
-    F, E, G = (np.atleast_2d(np.asarray(matrix, dtype=float)) for matrix in (feedback, inputs, outputs))
-    H = np.zeros((G.shape[0], E.shape[1])) if through is None else np.asarray(through, dtype=float)
+    p, m = D.shape
+    F = matrix_of_shape("connect: feedback", np.atleast_2d(np.asarray(feedback)), m, p)
+    E = np.atleast_2d(real_matrix(inputs, "connect", "inputs"))
+    G = np.atleast_2d(real_matrix(outputs, "connect", "outputs"))
+    E = matrix_of_shape("connect: inputs", E, m, E.shape[1])
+    G = matrix_of_shape("connect: outputs", G, G.shape[0], p)
+    zero = np.zeros((G.shape[0], E.shape[1]))
+    H = zero if through is None else matrix_of_shape("connect: through", np.asarray(through), *zero.shape)
     loop = safe_inverse(np.eye(D.shape[0]) - D @ F, "I - D F of the interconnection")
     Cc, Dc = loop @ C, loop @ D @ E  # y = Cc x + Dc w
     return Abcd(A + B @ F @ Cc, B @ (E + F @ Dc), G @ Cc, G @ Dc + H)
@@ -186,9 +217,16 @@ def lft(P: Any, K: Any, nmeas: int, ncon: int) -> Abcd:
     ------
     IllPosedError
         If `I - D22 D_K` is singular.
+    ValueError
+        If K does not have `nmeas` inputs and `ncon` outputs, or P fewer.
     """
     A, B, C, D = abcd(P)
     Ak, Bk, Ck, Dk = abcd(K)
+    if Dk.shape != (ncon, nmeas) or D.shape[0] < nmeas or D.shape[1] < ncon:
+        raise ValueError(
+            f"lft: K has shape {Dk.shape}, must be {(ncon, nmeas)}: control inputs by measurements, taken from a plant "
+            f"of shape {D.shape}"
+        )
     p1, m1 = D.shape[0] - nmeas, D.shape[1] - ncon
     B1, B2, C1, C2 = B[:, :m1], B[:, m1:], C[:p1], C[p1:]
     D11, D12, D21, D22 = D[:p1, :m1], D[:p1, m1:], D[p1:, :m1], D[p1:, m1:]
@@ -209,6 +247,23 @@ def generalised_plant(blocks: Sequence[Sequence[Any]]) -> Abcd:
     return stack_outputs(*(stack_inputs(*row) for row in blocks))
 
 
+def block_sizes(P: Abcd, nmeas: Any, ncon: Any) -> tuple[int, int]:
+    """Return the numbers of measurements and control inputs of a generalised plant as integers.
+
+    Raises
+    ------
+    SynthesisError
+        If either is no whole number, or leaves no z or no w.
+    """
+    p, m = P.D.shape
+    if min(p, m) < 2:
+        raise SynthesisError(f"generalised plant of shape {P.D.shape}: must have inputs [w, u] and outputs [z, y]")
+    return (
+        whole_number("nmeas", nmeas, 1, p - 1, SynthesisError),
+        whole_number("ncon", ncon, 1, m - 1, SynthesisError),
+    )
+
+
 def _transposed(sys: Abcd) -> Abcd:
     return Abcd(sys.A.T, sys.C.T, sys.B.T, sys.D.T)
 
@@ -220,18 +275,24 @@ def _as_matrix(gain: ArrayLike) -> Matrix:
 
 def safe_inverse(matrix: Matrix, what: str) -> Matrix:
     """Inverse, or an `IllPosedError` that calls the matrix by its name."""
-    if matrix.size and np.linalg.cond(_equilibrated(matrix)) > 1e12:
+    if matrix.size and np.linalg.cond(equilibrated(matrix)) > 1e12:
         raise IllPosedError(f"{what} is singular (condition number {np.linalg.cond(matrix):.1e})")
     return np.linalg.inv(matrix)
 
 
-def _equilibrated(matrix: Matrix) -> Matrix:
-    """Rows and columns scaled to a largest entry of one (Ruiz 2001): mixed units must not look like singularity."""
+def equilibrated(matrix: Any, *, block: int = 0) -> Any:
+    """Return the matrix with rows and columns scaled to a largest entry of one, so that mixed units do not matter.
+
+    Ruiz (2001). The last `block` rows share one factor.
+    """
     scaled = matrix
+    first = matrix.shape[0] - block
     for _ in range(20):
-        for axis in (0, 1):
-            largest = np.sqrt(np.abs(scaled).max(axis=axis, keepdims=True))
-            scaled = scaled / np.where(largest > 0, largest, 1.0)
+        rows = np.abs(scaled).max(axis=1, keepdims=True)
+        rows[first:] = rows[first:].max(initial=0.0)
+        scaled = scaled / np.sqrt(np.where(rows > 0, rows, 1.0))
+        columns = np.abs(scaled).max(axis=0, keepdims=True)
+        scaled = scaled / np.sqrt(np.where(columns > 0, columns, 1.0))
     return scaled
 
 

@@ -12,10 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gimc.checks import real_matrix
 from gimc.errors import SynthesisError, UnstableError
 from gimc.hinfsyn import HinfResult, hinf_synthesis
-from gimc.interconnect import Abcd, Matrix, Response, abcd, append, lft, stack_inputs, state_space
+from gimc.interconnect import Abcd, Matrix, Response, abcd, append, block_sizes, lft, stack_inputs, state_space
 from gimc.norms import frequency_response, hinf_norm, poles, response_function
+
+WEAK = 1e-10  # a direction of a frequency response, relative to the strongest one
+ROUNDING = 1e-14  # of a frequency response, relative to its size
 
 
 @dataclass(frozen=True)
@@ -134,6 +138,7 @@ def model_matching(
         If P is not stable, the lower right block is not zero, or the synthesis fails.
     """
     plain = abcd(P, what="generalised plant")
+    nmeas, ncon = block_sizes(plain, nmeas, ncon)
     regularised = regularise(plain, nmeas, ncon, rho=rho, eps=eps)
     _require_stable("the generalised plant of a model matching problem", plain)
     _require_open_loop(plain, nmeas, ncon)
@@ -177,35 +182,41 @@ def matching_lower_bound(
     bound, frequency : float
     """
     plant = abcd(P)
+    nmeas, ncon = block_sizes(plant, nmeas, ncon)
     p1, m1 = plant.D.shape[0] - nmeas, plant.D.shape[1] - ncon
     respond = response_function(plant)
 
     def bound(w: Matrix) -> Matrix:
         G = respond(w)
         P11, P12, P21 = G[:, :p1, :m1], G[:, :p1, m1:], G[:, p1:, :m1]
-        unreached = P11 - _range_projector(P12) @ P11
-        unseen = P11 - P11 @ _range_projector(_adjoint(P21))
-        return np.maximum(_norms(unreached), _norms(unseen))
+        return np.maximum(_distance(P11, P12), _distance(_adjoint(P11), _adjoint(P21)))
 
     grid = _frequencies(plant) if frequencies_rad_s is None else np.asarray(frequencies_rad_s, dtype=float)
     return _maximise(bound, grid)
 
 
-def _range_projector(G: Response) -> Response:
-    """Orthogonal projector on the range of each matrix of a stack, columns equilibrated before the rank decision."""
-    norms = np.linalg.norm(G, axis=1, keepdims=True)
-    U, s, _ = np.linalg.svd(G / np.where(norms > 0, norms, 1.0), full_matrices=False)
-    kept = s > 1e-12 * np.maximum(s[:, :1], 1e-300)
-    U = U * kept[:, None, :]
-    return np.asarray(U @ _adjoint(U))
+def _distance(G: Response, H: Response) -> Matrix:
+    """`min_X || G - H X ||` for each pair of a stack, or less: where H does not tell its range, the best of all ranges.
+
+    Columns of H are equilibrated. A direction weaker than `WEAK` is rounding, or so near to it that it points anywhere;
+    yet the smallest entry there is reaches it. With k such directions the distance is at least the singular value
+    number k + 1 of what the others leave (Eckart and Young). Those kept point where they should up to rounding over
+    their strength, which comes off the bound.
+    """
+    norms = np.linalg.norm(H, axis=1, keepdims=True)
+    U, s, _ = np.linalg.svd(H / np.where(norms > 0, norms, 1.0), full_matrices=False)
+    strong = s > WEAK * np.maximum(s[:, :1], 1e-300)
+    U = U * strong[:, None, :]
+    values = np.linalg.svd(G - U @ (_adjoint(U) @ G), compute_uv=False)
+    weakest = np.where(strong, s / np.maximum(s[:, :1], 1e-300), 1.0).min(axis=1, initial=1.0)
+    values = np.maximum(values - (ROUNDING / weakest * np.linalg.norm(G, axis=(1, 2)))[:, None], 0.0)
+    weak = np.minimum((norms[:, 0] > 0).sum(axis=1), s.shape[1]) - strong.sum(axis=1)
+    values = np.hstack([values, np.zeros((len(values), s.shape[1]))])
+    return np.asarray(np.take_along_axis(values, np.maximum(weak, 0)[:, None], axis=1)[:, 0])
 
 
 def _adjoint(G: Response) -> Response:
     return np.conj(np.swapaxes(G, 1, 2))
-
-
-def _norms(G: Response) -> Matrix:
-    return np.asarray(np.linalg.svd(G, compute_uv=False)[:, 0])
 
 
 def _maximise(function: Callable[[Matrix], Matrix], grid: Matrix) -> tuple[float, float]:
@@ -251,10 +262,10 @@ def _require_open_loop(P: Abcd, nmeas: int, ncon: int) -> None:
 
 
 def _positive(name: str, value: ArrayLike, size: int) -> Matrix:
-    array = np.broadcast_to(np.asarray(value, dtype=float), (size,))
-    if not (array > 0).all():
+    array = real_matrix(value, name, "it")
+    if array.shape not in ((), (1,), (size,)) or not (array > 0).all():
         raise ValueError(f"{name} = {value!r}: must be positive (one number, or one for each of {size} signals)")
-    return array
+    return np.broadcast_to(array, (size,))
 
 
 def _named(matching: Matching, inputs: Any) -> Matching:

@@ -7,9 +7,10 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike
 
-from gimc.errors import UnstableError
+from gimc.checks import relative_tolerance, sizes, whole_number
+from gimc.errors import SynthesisError, UnstableError
 from gimc.interconnect import Abcd, Matrix, abcd, add, scale, state_space
-from gimc.norms import hinf_norm
+from gimc.norms import frequency_response, hinf_norm
 from gimc.scaling import balance_states, normalise_signals
 
 
@@ -100,32 +101,50 @@ def reduce_order(
         If `sys` is not stable.
     ValueError
         If `order` is beyond that of the system, or `rtol` negative.
+    SynthesisError
+        If rounding keeps the error above `rtol` times the norm.
     """
     original = abcd(sys)
-    u = np.ones(original.D.shape[1]) if input_scales is None else np.asarray(input_scales, dtype=float)
-    y = np.ones(original.D.shape[0]) if output_scales is None else np.asarray(output_scales, dtype=float)
+    y, u = (
+        sizes(name, given, count)
+        for name, given, count in zip(
+            ("output_scales", "input_scales"), (output_scales, input_scales), original.D.shape, strict=True
+        )
+    )
     system = balance_states(scale(original, 1.0 / y, u))
-    if system.A.size and np.linalg.eigvals(system.A).real.max() >= 0:
-        raise UnstableError("balanced truncation needs a stable system; split off the unstable part first")
+    _require_stable(system, "balanced truncation needs")
     norm, _ = hinf_norm(system)
     balanced, hankel = _balance(system)
     tails = 2.0 * np.concatenate([np.cumsum(hankel[::-1])[::-1], [0.0]])  # tails[r]: bound for order r
+    to_tolerance = order is None
     if order is None:
         if not rtol >= 0.0:
             raise ValueError(f"rtol = {rtol!r}: must not be negative")
         order = int(np.argmax(tails <= rtol * norm))
-    elif not 0 <= order <= system.A.shape[0]:
-        raise ValueError(f"order = {order}: must be between 0 and {system.A.shape[0]}, the order of the full system")
+    else:
+        order = whole_number("order", order, 0, system.A.shape[0])
     order = min(order, balanced.A.shape[0])
     reduced = (_residualised if keep_dc_gain else _truncated)(balanced, order)
     error, _ = hinf_norm(add(system, scale(reduced, -np.ones(y.size))))
+    if to_tolerance and error > ((1.0 + 1e-3) * rtol + 1e-12) * norm:
+        raise SynthesisError(
+            f"reduction to rtol = {rtol:g}: order {order} has the error {error / norm:.3g} of the norm, though the "
+            "Hankel values promise less: poles too near the axis for rounding; give an order, or a larger rtol"
+        )
     result = state_space(scale(reduced, y, 1.0 / u), sys)
     return Reduction(result, hankel, order, float(tails[order]), error, norm)
 
 
 def hankel_values(sys: Any) -> Matrix:
-    """Hankel singular values of a stable system, largest first."""
-    return _balance(balance_states(abcd(sys)))[1]
+    """Return the Hankel singular values of a stable system, largest first, shape (n,).
+
+    Raises
+    ------
+    UnstableError
+    """
+    system = balance_states(abcd(sys))
+    _require_stable(system, "Hankel singular values need")
+    return _balance(system)[1]
 
 
 def minimal_realisation(sys: Any, *, rtol: float = 1e-10) -> Any:
@@ -138,15 +157,39 @@ def minimal_realisation(sys: Any, *, rtol: float = 1e-10) -> Any:
     ----------
     sys : control.StateSpace
     rtol : float
-        A direction weaker than this, relative to the size of the system, is taken as absent.
+        A direction weaker than this, relative to the size of the system, is taken as absent; 1e-12 to 1.
+
+    Raises
+    ------
+    SynthesisError
+        If the response moves by more than `rtol`, or 1e-6, of an output's largest.
     """
+    rtol = relative_tolerance(rtol)
     system = balance_states(abcd(sys))
     # Signals are normalised once: what is left of B or C after a projection counts against its first size.
     A, B, C, _ = normalise_signals(system)
     reach = _reachable_basis(A, B, rtol)
     observe = _reachable_basis(reach.T @ A.T @ reach, reach.T @ C.T, rtol)
     basis = reach @ observe
-    return state_space(_projected(system, basis, basis), sys)
+    minimal = _projected(system, basis, basis)
+    if not _same_response(system, minimal, max(1e-6, rtol)):
+        raise SynthesisError(
+            "minimal realisation: the response does not stay the same, rank decisions at this rtol are not safe; give "
+            "another rtol, or build the system with shared states (gimc.stack_inputs, gimc.stack_outputs)"
+        )
+    return state_space(minimal, sys)
+
+
+def _same_response(system: Abcd, other: Abcd, rtol: float) -> bool:
+    """Whether two systems agree around the poles of the second, every output relative to its largest response."""
+    moduli = np.abs(np.linalg.eigvals(other.A)) if other.A.size else np.ones(1)
+    w = np.concatenate([0.3 * moduli, 0.97 * moduli, 3.0 * moduli])
+    G, H = frequency_response(system, w), frequency_response(other, w)
+    finite = np.isfinite(G).all(axis=(1, 2))
+    if not finite.any():
+        return True
+    size = np.abs(G[finite]).max(axis=(0, 2), keepdims=True)
+    return bool((np.abs(H[finite] - G[finite]) <= rtol * size).all())
 
 
 def gramian_factor(A: Matrix, B: Matrix) -> Matrix:
@@ -186,6 +229,11 @@ def gramian_factor(A: Matrix, B: Matrix) -> Matrix:
             right[:k] -= np.outer(U[:k, k], direction)
     factor = Z @ U
     return np.asarray(np.linalg.qr(np.hstack([factor.real, factor.imag]).T, mode="r").T)
+
+
+def _require_stable(system: Abcd, what: str) -> None:
+    if system.A.size and np.linalg.eigvals(system.A).real.max() >= 0:
+        raise UnstableError(f"{what} a stable system; split off the unstable part first")
 
 
 def _balance(system: Abcd) -> tuple[Abcd, Matrix]:

@@ -5,8 +5,11 @@ import warnings
 import numpy as np
 import scipy.linalg
 
+from gimc.checks import matrix_of_shape
 from gimc.errors import RiccatiError
 from gimc.interconnect import Matrix
+
+ROUNDING = 1e-6  # of products of orthonormal vectors, where slow and fast poles are eight decades apart
 
 
 def care(A: Matrix, G: Matrix, Q: Matrix, *, refine: bool = True) -> Matrix:
@@ -25,8 +28,11 @@ def care(A: Matrix, G: Matrix, Q: Matrix, *, refine: bool = True) -> Matrix:
     ------
     RiccatiError
         If the Hamiltonian has eigenvalues on the imaginary axis, or its stable subspace is no graph.
+    ValueError
+        If a matrix has another shape or entries that are not finite.
     """
-    n = A.shape[0]
+    n = len(A)
+    A, G, Q = (matrix_of_shape(f"care: {name}", value, n, n) for name, value in (("A", A), ("G", G), ("Q", Q)))
     if n == 0:
         return np.zeros((0, 0))
     error = RiccatiError("no scaling tried")
@@ -44,7 +50,7 @@ def care(A: Matrix, G: Matrix, Q: Matrix, *, refine: bool = True) -> Matrix:
     raise error
 
 
-def hinf_are(A: Matrix, B: Matrix, C: Matrix, D: Matrix, m1: int, gamma: float) -> Matrix:
+def hinf_are(A: Matrix, B: Matrix, C: Matrix, D: Matrix, m1: int, gamma: float, *, balanced: bool = True) -> Matrix:
     """Stabilising solution X of the H-infinity Riccati equation of the plant `z = C x + D v` at level gamma.
 
     `A'X + XA + C'C - (XB + C'D) R^-1 (XB + C'D)' = 0` with `R = D'D - gamma^2 diag(I, 0)`: the first m1 entries of v
@@ -61,23 +67,21 @@ def hinf_are(A: Matrix, B: Matrix, C: Matrix, D: Matrix, m1: int, gamma: float) 
     if n == 0:
         return np.zeros((0, 0))
     weight = np.where(np.arange(m) < m1, gamma**2, 0.0)
-    size = np.sqrt((B**2).sum(axis=0) + (D**2).sum(axis=0) + weight**2)
+    direct = np.sqrt((D**2).sum(axis=0) + weight)
+    sizes = _moduli(A, B / np.where(direct > 0, direct, 1.0), C)
+    d = _symplectic_scales(sizes, n) if balanced else np.ones(n)
+    A, B, C = A * d / d[:, None], B / d[:, None], C * d
+    size = np.sqrt((B**2).sum(axis=0) + (D**2).sum(axis=0) + weight)
     scales = 1.0 / np.where(size > 0, size, 1.0)  # of v: changes neither x nor the costate
     Bs, Ds = B * scales, D * scales
-    zeros = np.zeros
     # Columns v, z and columns x, costate of: x' = Ax + Bv, -costate' = A'costate + C'z, z = Cx + Dv, and optimal v.
-    algebraic = np.block([
-        [Bs, zeros((n, p))],
-        [zeros((n, m)), -C.T],
-        [Ds, -np.eye(p)],
-        [-np.diag(weight * scales**2), Ds.T],
-    ])  # fmt: skip
-    dynamic = np.block([
-        [A, zeros((n, n))],
-        [zeros((n, n)), -A.T],
-        [C, zeros((p, n))],
-        [zeros((m, n)), Bs.T],
-    ])  # fmt: skip
+    # Filled, not stacked: numpy.block would take as long as the decompositions.
+    algebraic, dynamic = np.zeros((2 * n + p + m, m + p)), np.zeros((2 * n + p + m, 2 * n))
+    algebraic[:n, :m], algebraic[n : 2 * n, m:] = Bs, -C.T
+    algebraic[2 * n : 2 * n + p, :m], algebraic[2 * n : 2 * n + p, m:] = Ds, -np.eye(p)
+    algebraic[2 * n + p :, :m], algebraic[2 * n + p :, m:] = -np.diag(weight * scales**2), Ds.T
+    dynamic[:n, :n], dynamic[n : 2 * n, n:] = A, -A.T
+    dynamic[2 * n : 2 * n + p, :n], dynamic[2 * n + p :, n:] = C, Bs.T
     left = np.linalg.qr(algebraic, mode="complete")[0][:, m + p :].T
     try:
         *_, alpha, beta, _, Z = scipy.linalg.ordqz(left @ dynamic, left[:, : 2 * n], sort="lhp", output="real")
@@ -86,7 +90,14 @@ def hinf_are(A: Matrix, B: Matrix, C: Matrix, D: Matrix, m1: int, gamma: float) 
     # Signs by the product: a quotient would overflow for eigenvalues near infinity.
     if int(((alpha * beta).real < 0).sum()) != n:
         raise RiccatiError("the extended pencil has eigenvalues on the imaginary axis")
-    return _graph(Z[:n, :n], Z[n:, :n], asymmetry=1e-3)
+    X = _graph(Z[:n, :n], Z[n:, :n], asymmetry=1e-3)
+    return np.asarray(X / d / d[:, None])
+
+
+def _moduli(A: Matrix, B: Matrix, C: Matrix) -> Matrix:
+    """Sizes of the Hamiltonian's entries, for inputs of size one."""
+    B, C = np.abs(B), np.abs(C)
+    return np.block([[np.abs(A), B @ B.T], [C.T @ C, np.abs(A.T)]])
 
 
 def _symplectic_scales(hamiltonian: Matrix, n: int) -> Matrix:
@@ -117,9 +128,12 @@ def _stable_graph(A: Matrix, G: Matrix, Q: Matrix) -> Matrix:
 
 def _graph(X1: Matrix, X2: Matrix, *, asymmetry: float) -> Matrix:
     """Symmetric X with the subspace [X1; X2] (orthonormal columns) as its graph."""
-    # A pair on the axis may fall apart into one on either side; the subspace is then not isotropic.
+    # A pair on the axis may fall apart into one on either side; the subspace is then not isotropic. Asked of every two
+    # vectors: beside large ones a small one that is wrong would not be seen.
     skew = X1.T @ X2
-    if np.linalg.norm(skew - skew.T) > asymmetry:
+    states, costates = np.linalg.norm(X1, axis=0), np.linalg.norm(X2, axis=0)
+    sizes = np.outer(states, costates) + np.outer(costates, states)
+    if (np.abs(skew - skew.T) > asymmetry * sizes + ROUNDING).any():
         raise RiccatiError("there are eigenvalues on the imaginary axis")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", scipy.linalg.LinAlgWarning)  # judged by what comes out
@@ -132,15 +146,30 @@ def _graph(X1: Matrix, X2: Matrix, *, asymmetry: float) -> Matrix:
     return np.asarray(0.5 * (X + X.T))
 
 
+def lyapunov(A: Matrix, Q: Matrix) -> Matrix:
+    """Return the symmetric solution X of `A X + X A' + Q = 0`; of Q the symmetric part counts.
+
+    Raises
+    ------
+    RiccatiError
+        If two eigenvalues of A add up to zero, or nearly so.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)  # what scipy does instead of failing
+        try:
+            X = scipy.linalg.solve_continuous_lyapunov(A, -0.5 * (Q + Q.T))
+        except (np.linalg.LinAlgError, RuntimeWarning) as error:
+            raise RiccatiError(f"the Lyapunov equation has no solution: {error}") from None
+    return np.asarray(0.5 * (X + X.T))
+
+
 def _newton_step(A: Matrix, G: Matrix, Q: Matrix, X: Matrix) -> Matrix:
     """One step of Newton's method, kept only if the residual falls (it has nothing to give at rounding level)."""
     residual = _residual(A, G, Q, X)
-    closed = A - G @ X
     try:
-        step = scipy.linalg.solve_continuous_lyapunov(closed.T, -residual)
-    except (np.linalg.LinAlgError, RuntimeWarning):
+        improved = X + lyapunov((A - G @ X).T, residual)
+    except RiccatiError:
         return X
-    improved = X + 0.5 * (step + step.T)
     better = np.linalg.norm(_residual(A, G, Q, improved)) < np.linalg.norm(residual)
     return improved if better else X
 

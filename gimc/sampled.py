@@ -1,5 +1,6 @@
 """Sampled filters and observers: discretisation, and step functions that are one flat matrix product."""
 
+import warnings
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -7,8 +8,9 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
+from gimc.checks import intensity, positive
 from gimc.errors import NotDetectableError, RiccatiError
-from gimc.interconnect import Abcd, Matrix, Response, abcd
+from gimc.interconnect import Abcd, Matrix, Response, abcd, safe_inverse
 from gimc.modes import unreachable_mode
 from gimc.norms import frequency_response
 from gimc.scaling import balance_states, balancing_scales
@@ -55,26 +57,42 @@ def discretise(sys: Any, sample_time_s: float, method: Method = "foh", *, balanc
 
     balance : bool
         Scale the states to even size first; inputs and outputs keep the caller's units either way.
+
+    Raises
+    ------
+    IllPosedError
+        If Tustin's rule meets a pole at 2/sample_time_s.
+    ValueError
+        If the sample time is not finite and positive, or too long for an unstable pole; or for another method.
     """
-    if not sample_time_s > 0:
-        raise ValueError(f"sample_time_s = {sample_time_s}: must be positive")
+    h = positive("sample_time_s", sample_time_s)
+    if method not in ("zoh", "foh", "tustin"):
+        raise ValueError(f"method {method!r}: allowed are 'zoh', 'foh', 'tustin'")
     A, B, C, D = balance_states(abcd(sys)) if balance else abcd(sys)
-    h = float(sample_time_s)
     n, m = B.shape
     if method == "tustin":
-        left = np.linalg.inv(np.eye(n) - 0.5 * h * A)
+        left = safe_inverse(
+            np.eye(n) - 0.5 * h * A, f"I - h A / 2 of Tustin's rule (a pole at 2/h = {2 / h:.6g} rad/s)"
+        )
         Ad, Bd = left @ (np.eye(n) + 0.5 * h * A), h * left @ B
         return Sampled(Ad, Bd, C @ left, D + 0.5 * h * C @ left @ B, h)
     # exp of [[A h, B h, 0], [0, 0, I], [0, 0, 0]] holds exp(A h) and the integrals for a constant and for a ramp.
     block = np.zeros((n + 2 * m, n + 2 * m))
     block[:n, :n], block[:n, n : n + m], block[n : n + m, n + m :] = A * h, B * h, np.eye(m)
-    exponential = scipy.linalg.expm(block)
+    exponential = _exponential(block, h)
     Ad, hold, ramp = exponential[:n, :n], exponential[:n, n : n + m], exponential[:n, n + m :]
     if method == "zoh":
         return Sampled(Ad, hold, C, D, h)
-    if method == "foh":
-        return Sampled(Ad, hold + Ad @ ramp - ramp, C, D + C @ ramp, h)
-    raise ValueError(f"method {method!r}: allowed are 'zoh', 'foh', 'tustin'")
+    return Sampled(Ad, hold + Ad @ ramp - ramp, C, D + C @ ramp, h)
+
+
+def _exponential(matrix: Matrix, sample_time_s: float) -> Matrix:
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        exponential = scipy.linalg.expm(matrix)
+    if not np.isfinite(exponential).all():
+        raise ValueError(f"sample_time_s = {sample_time_s:g}: the unstable poles grow beyond all numbers in one sample")
+    return np.asarray(exponential)
 
 
 def sampling_error(sys: Any, sampled: Sampled, *, fraction: float = 0.1, points: int = 200) -> float:
@@ -183,7 +201,8 @@ def sampled_observer(
     Raises
     ------
     ValueError
-        If D is not zero.
+        If D is not zero, the sample time not finite and positive, or an intensity not symmetric and nonnegative
+        definite (`measurement`: positive).
     NotDetectableError, RiccatiError
     """
     system = abcd(sys)
@@ -191,10 +210,12 @@ def sampled_observer(
         raise ValueError(
             "sampled_observer: the plant has a direct term; the innovation would need an input not sent yet"
         )
+    sample_time_s = positive("sample_time_s", sample_time_s)
     n, p = system.A.shape[0], system.C.shape[0]
-    Q = system.B @ system.B.T if process is None else np.asarray(process, dtype=float)
-    R = np.eye(p) if measurement is None else np.asarray(measurement, dtype=float)
-    Rd = (np.diag(R) if R.ndim == 1 else R) / sample_time_s
+    Q = system.B @ system.B.T if process is None else intensity("process", process, n, definite=False)
+    Rd = (np.eye(p) if measurement is None else intensity("measurement", measurement, p, definite=True)) / sample_time_s
+    if n == 0:
+        return ObserverDesign(discretise(system, sample_time_s, "zoh"), np.zeros((0, p)), Rd)
     d = balancing_scales(system.A, np.sqrt(np.abs(np.diag(Q)))[:, None], np.zeros((0, n)))
     balanced = Abcd(system.A * d / d[:, None], system.B / d[:, None], system.C * d, system.D)
     mode = unreachable_mode(balanced.A.T, balanced.C.T)

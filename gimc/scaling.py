@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gimc.interconnect import Abcd, Matrix
+from gimc.systems import Abcd, Matrix
 
 
 def balancing_scales(A: Matrix, B: Matrix, C: Matrix, *, sweeps: int = 20) -> Matrix:

@@ -19,6 +19,7 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
+from ac_common.faults import FAULTS, Place
 from ac_common.units import KPA
 from ac_plant_node import POINTS, linearize
 
@@ -44,13 +45,8 @@ PLANT_FAULTS = {
 
 A valve that is stuck or slow is the offset that its command and its opening are apart."""
 
-SENSOR_FAULTS = {
-    "evaporator_pressure": "evaporator_pressure",
-    "superheat_sensor": "superheat",
-    "wall_temperature_sensor": "wall_temperature",
-    "condenser_pressure_sensor": "condenser_pressure",
-}
-"""Faults of sensors, and their readings."""
+SENSOR_FAULTS = {fault.kind: fault.signal for fault in FAULTS if fault.place is Place.SENSOR}
+"""Faults of sensors, and their readings. Bias, drift, noise and a reading that stands still are one column."""
 
 INLET, AMBIENT = "air_inlet_temperature", "condenser_air_inlet_temperature"
 FREQUENCIES_RAD_S = np.geomspace(1.0e-4, 1.0, 13)
@@ -98,6 +94,15 @@ SENSOR_SETS = tuple(
     for words, measured in (("", ()), (", inlet", (INLET,)), (", inlet and ambient", (INLET, AMBIENT)))
 )
 """The sets of docs/faults.md: p_e, SH, T_w, then with p_c; each alone, with the evaporator's inlet air, with both."""
+CONDITIONED: tuple[tuple[SensorSet, tuple[str, ...]], ...] = (
+    (SENSOR_SETS[2], ("compressor_speed", "evaporator_pressure")),
+    (SENSOR_SETS[4], ("compressor_speed", "evaporator_pressure")),
+    (SENSOR_SETS[5], ("compressor_speed", "evaporator_pressure")),
+    (SENSOR_SETS[5], ("compressor_speed", "evaporator_pressure", "condenser_fouling")),
+    (SENSOR_SETS[5], ("compressor_speed", "valve_offset", "condenser_fouling")),
+    (SENSOR_SETS[5], ("valve_offset", "refrigerant_leak", "condenser_fouling")),
+)
+"""Faults that are to be estimated together, for each as many as the rank allows."""
 
 
 @dataclass(frozen=True)
@@ -262,19 +267,34 @@ def _percent(share: float) -> str:
     return "<1" if share < 0.01 else f"{100.0 * share:.0f}"
 
 
+def condition_rows() -> str:
+    """Return, as Markdown, the condition over frequency of disturbances and the faults of `CONDITIONED` together."""
+    lines = ["| sensors | faults | " + " | ".join(POINTS) + " |", "|---" * (2 + len(POINTS)) + "|"]
+    for sensors, faults in CONDITIONED:
+        ranges = (conditions(point, sensors, faults, FREQUENCIES_RAD_S) for point in POINTS)
+        cells = [f"{found.min():.0f} to {found.max():.0f}" for found in ranges]
+        lines.append(f"| {sensors.name} | {_listed(faults)} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def tables() -> dict[str, str]:
+    """Return the tables of docs/faults.md as Markdown: ``groups``, ``matrices`` and ``conditions``."""
+    results = [isolability(sensors) for sensors in SENSOR_SETS]
+    head = [
+        "| sensors | unknown disturbances | faults at a time | not seen at all | alike by rank | within 5 % |",
+        "|---|---|---|---|---|---|",
+    ]
+    matrices = [f"**{result.sensors.name}**\n\n{table(result)}" for result in reversed(results)]
+    return {
+        "groups": "\n".join([*head, *map(summary, results)]),
+        "matrices": "\n\n".join(matrices),
+        "conditions": condition_rows(),
+    }
+
+
 def main() -> None:
     """Print the tables of docs/faults.md."""
-    results = [isolability(sensors) for sensors in SENSOR_SETS]
-    print("| sensors | unknown disturbances | faults at a time | not seen at all | alike by rank | within 5 % |")
-    print("|---|---|---|---|---|---|")
-    for result in results:
-        print(summary(result))
-    for result in results:
-        print(f"\n**{result.sensors.name}**\n\n{table(result)}")
-    print("\n| point | condition, air flow with `compressor_speed` and `evaporator_pressure` |\n|---|---|")
-    for point in POINTS:
-        today = conditions(point, SENSOR_SETS[2], ("compressor_speed", "evaporator_pressure"), FREQUENCIES_RAD_S)
-        print(f"| {point} | {today.min():.0f} to {today.max():.0f} |")
+    print("\n\n".join(tables().values()))
 
 
 if __name__ == "__main__":

@@ -61,6 +61,8 @@ def _fault(fault: Mapping[str, Any], passive: bool, beside: Mapping[str, Any] | 
     size, kind = fault["size"], BY_KIND[fault["kind"]]
     how = kind.more if size >= 0 else kind.less
     begins = f"{kind.subject} begins to {kind.verb} {abs(size):g} {kind.unit} {how}"
+    if fault.get("stuck"):
+        begins = f"{kind.subject} stands still and comes to {kind.verb} up to {abs(size):.3g} {kind.unit} {how}"
     until = "" if fault["end_s"] is None else f"; until {fault['end_s']:g} s"
     told = [Sentence(PLAIN, f"At {fault['onset_s']:g} s {begins}{until}.")]
     told.append(_diagnosis(fault))

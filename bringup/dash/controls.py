@@ -5,7 +5,7 @@ from typing import Any, Literal
 
 from bokeh.models.widgets import Button, RadioButtonGroup, Select, Spinner
 
-from ac_common.fault_profiles import PROFILE_KEYS, PROFILES
+from ac_common.fault_profiles import PROFILE_KEYS, PROFILES, SENSOR_PROFILES, STUCK
 from ac_common.faults import BY_KIND, Fault
 from ac_common.topics import COMPENSATOR, SCENARIO
 from ac_common.units import KPA
@@ -35,8 +35,8 @@ CHANGES = (
     ("change_superheat", "SH reference, K", 1.0, 0.5),
     ("change_air_flow", "air mass flow, %", 1.0, 5.0),
     ("change_air_inlet", "air inlet, K", 1.0, 1.0),
-    ("change_condenser_flow", "condenser air flow, %", 1.0, 5.0),
-    ("change_condenser_inlet", "condenser air inlet, K", 1.0, 1.0),
+    ("change_condenser_flow", "condenser flow, %", 1.0, 5.0),
+    ("change_condenser_inlet", "condenser inlet, K", 1.0, 1.0),
     ("change_humidity", "humidity, %", 1.0, 5.0),
 )
 
@@ -113,12 +113,17 @@ class FaultControl:
             value=fault.typical,
             step=1.0 if fault.typical > 1.0 else 0.1,
         )
+        profiles: list[Any] = list(SENSOR_PROFILES if fault.can_stick else PROFILES)
+        if self._profile.value not in profiles:
+            self._profile.value = PROFILES[0]
+        self._profile.options = profiles
         self._button.label = f"Inject {fault.symbol}"
 
     def _show_time(self) -> None:
         keys = [key for key in PROFILE_KEYS[self._profile.value] if key.endswith("_s")]
         titles = {"rise_s": "rise time, s", "period_s": "period, s", "time_constant_s": "time constant, s"}
         self._time.visible = bool(keys)
+        self._size.visible = self._profile.value != STUCK
         if keys:
             self._time.title = titles[keys[0]]
 

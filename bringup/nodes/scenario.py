@@ -69,7 +69,7 @@ PARAMETERS = (
     Parameter("ramp_s", 0.0, "how long a live change takes, in a straight line; 0: a step", 0.0, 86400.0, live=True),
     *OFFSETS,
 )
-#: Topics of a row of the schedule: references and air, then faults.
+#: Topics of a row of the schedule: references and air, then faults and which readings stand still.
 PLAYED = (*topics_of("reference", Reference), *AIR_SIDE)
 SCHEDULE = "scenario/faults"
 #: How long the references go on by themselves when the plant's messages stay away, s.
@@ -93,7 +93,7 @@ class ScenarioNode(LoopNode):
         rest = rest_at(scenario.operating_point)
         plan = schedule(scenario, rest["inputs"], rest["outputs"])
         # One array, not lists of lists: a run of hours has some hundred thousand rows.
-        self._rows = np.hstack([plan.reference, plan.air, plan.faults])
+        self._rows = np.hstack([plan.reference, plan.air, plan.faults, plan.stuck])
         self._tick_ns = scenario.tick_ns
         self._start_ns = self.run_start_ns if self.run_start_ns >= 0 else None
         outputs, air = rest["outputs"], rest["inputs"][2:].tolist()

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from ac_common.units import RPM
 from ac_common.yaml_file import parsed, yaml_text
 from ac_plant_node import TABLE_I, calibrate, load_parameters, load_points
 from ac_plant_node.calibration import row_inputs
@@ -61,6 +62,24 @@ def test_more_than_three_points_are_fitted(tmp_path):
     other, _ = calibrate(rows=load_points(write(tmp_path / "p.yaml", {"points": [*rows, between]})))
     pressure = equilibrium(inputs, other).outputs[0] / 1e3
     assert between["evaporator_pressure_kpa"] - 3.0 < pressure < between["evaporator_pressure_kpa"]
+
+
+def test_a_point_that_was_measured_in_other_air_is_fitted_in_that_air(tmp_path):
+    """A fourth row from the shipped plant in hot, humid air changes nothing; told without its humidity it does."""
+    shipped = load_parameters()
+    rows = [{k: v for k, v in vars(row).items() if v is not None} for row in TABLE_I]
+    hot = {"name": "hot", "air_inlet_temperature_c": 33, "compressor_speed_rpm": 1500, "valve_opening_percent": 45,
+           "condenser_air_mass_flow_kg_s": 0.4, "condenser_air_inlet_temperature_c": 38,
+           "air_humidity_percent": 40}  # fmt: skip
+    inputs = [1500 * RPM, 0.45, shipped["evaporator_air_nominal_kg_s"], 33.0, 0.4, 38.0, 0.4]
+    pressure_pa, superheat_k = equilibrium(inputs).outputs[:2].tolist()
+    hot |= {"evaporator_pressure_kpa": pressure_pa / 1e3, "superheat_k": superheat_k}
+    solved, _ = calibrate(rows=load_points(write(tmp_path / "p.yaml", {"points": [*rows, hot]})))
+    for name in NAMES:
+        assert solved[name] == pytest.approx(shipped[name], rel=1e-5)
+    del hot["air_humidity_percent"]
+    other, _ = calibrate(rows=load_points(write(tmp_path / "p.yaml", {"points": [*rows, hot]})))
+    assert max(abs(other[name] / shipped[name] - 1.0) for name in NAMES if shipped[name]) > 1e-3
 
 
 @pytest.mark.parametrize(

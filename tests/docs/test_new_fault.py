@@ -38,7 +38,7 @@ run = simulate(check({"name": "new", "duration_s": 6, "faults": [fault]}))
 assert (found["kind"], found["size"], found["unit"]) == ("wall_bias", 2.5, "K"), found
 off = run.series["measured/wall_temperature"] - run.series["plant/wall_temperature"]
 assert abs(off[-1] - 2.5) < 1e-9, off
-assert (run.series["fault/wall_bias"] == run.series["scenario/fault/wall_bias"]).all()
+assert (run.series["fault/wall_bias"] == run.series["scenario/faults:wall_bias"]).all()
 page = render(run)
 assert "the wall thermocouple begins to read 2.5 K too high" in page
 assert "f<sub>wb</sub> wall thermocouple" in page

@@ -5,11 +5,11 @@ import cvxpy
 import numpy as np
 import scipy.linalg
 
-from gimc import Abcd, abcd, append, connect
+from gimc import Abcd, abcd, append, connect, scale
 
 
 def siso(numerator: list[float], denominator: list[float]) -> Abcd:
-    return abcd(control.ss(control.tf(numerator, denominator)))
+    return abcd(control.tf(numerator, denominator))
 
 
 def mixed_sensitivity(G: Abcd, W1: Abcd, W2: Abcd, W3: Abcd | None = None) -> Abcd:
@@ -87,6 +87,19 @@ def lmi_optimum(P: Abcd, nmeas: int, ncon: int) -> float:
     return float(gamma.value)
 
 
+def matching_plant(T1: Abcd, T2: Abcd, T3: Abcd) -> Abcd:
+    """Return [[T1, -T2], [T3, 0]], for `min || T1 - T2 Q T3 ||` over stable Q."""
+    blocks = append(T1, T2, T3)
+    (p1, m1), m2, p2 = T1.D.shape, T2.D.shape[1], T3.D.shape[0]
+    split = np.zeros((2 * m1 + m2, m1 + m2))
+    split[:m1, :m1] = np.eye(m1)
+    split[m1 : m1 + m2, m1:] = np.eye(m2)
+    split[m1 + m2 :, :m1] = np.eye(m1)
+    join = np.zeros((p1 + p2, 2 * p1 + p2))
+    join[:p1, :p1], join[:p1, p1 : 2 * p1], join[p1:, 2 * p1 :] = np.eye(p1), -np.eye(p1), np.eye(p2)
+    return scale(blocks, join, split)
+
+
 def nehari_distance(G: Abcd) -> float:
     """Distance of an antistable system from the stable ones: the Hankel norm of its mirror image (Nehari's theorem)."""
     mirrored = Abcd(-G.A, G.B, -G.C, G.D)
@@ -120,3 +133,83 @@ def random_system(seed: int, n: int, m: int, p: int, *, stable: bool = False, di
         A = A - (np.linalg.eigvals(A).real.max() + random.uniform(0.05, 1.0)) * np.eye(n)
     D = random.normal(size=(p, m)) if direct else np.zeros((p, m))
     return Abcd(A, random.normal(size=(n, m)), random.normal(size=(p, n)), D)
+
+
+def scaled(P: Abcd, nmeas: int, factor: float) -> Abcd:
+    """Return the generalised plant with z in another unit: `factor` times as large."""
+    rows = np.ones(P.D.shape[0])
+    rows[: rows.size - nmeas] = factor
+    return Abcd(P.A, P.B, P.C * rows[:, None], P.D * rows[:, None])
+
+
+def regulator(A: np.ndarray, B2: np.ndarray, noise: float, penalty: float = 1.0, C2: np.ndarray | None = None) -> Abcd:
+    """Return the plant with z = [x; penalty u], y = C2 x + noise, process noise on every state; C2 is I if left out."""
+    n, m = B2.shape
+    C2 = np.eye(n) if C2 is None else C2
+    p = C2.shape[0]
+    D = np.zeros((n + m + p, n + p + m))
+    D[n : n + m, n + p :], D[n + m :, n : n + p] = penalty * np.eye(m), noise * np.eye(p)
+    return Abcd(A, np.hstack([np.eye(n), np.zeros((n, p)), B2]), np.vstack([np.eye(n), np.zeros((m, n)), C2]), D)
+
+
+def integer_regulator(seed: int, noise: float) -> tuple[Abcd, int, int]:
+    """Return a `regulator` with entries from -5 to 5, one to four states, all states or some outputs measured."""
+    random = np.random.default_rng(seed)
+    n, m = int(random.integers(1, 5)), int(random.integers(1, 3))
+    A, B2 = (random.integers(-5, 6, shape).astype(float) for shape in ((n, n), (n, m)))
+    C2 = np.eye(n) if random.random() < 0.5 else random.integers(-5, 6, (int(random.integers(1, 3)), n)).astype(float)
+    return regulator(A, B2, noise, 1.0, C2), C2.shape[0], m
+
+
+def integer_plant(seed: int) -> tuple[Abcd, int, int]:
+    """Return a generalised plant with entries from -5 to 5, D22 = 0."""
+    random = np.random.default_rng(seed)
+    n, ncon, nmeas = int(random.integers(1, 5)), int(random.integers(1, 3)), int(random.integers(1, 3))
+    p, m = ncon + nmeas + int(random.integers(0, 3)), nmeas + ncon + int(random.integers(0, 3))
+    A, B, C, D = (random.integers(-5, 6, shape).astype(float) for shape in ((n, n), (n, m), (p, n), (p, m)))
+    D[p - nmeas :, m - ncon :] = 0.0
+    return Abcd(A, B, C, D), nmeas, ncon
+
+
+def plant_with_axis_zero(seed: int) -> tuple[Abcd, int, int]:
+    """Return an integer plant whose P12 (odd seeds: P21) has a zero at 0 or 3 rad/s, exactly.
+
+    z is blind to a mode of `A + B2 F`, since `C1 + D12 F` is zero there.
+    """
+    random = np.random.default_rng(seed)
+
+    def integers(*shape: int) -> np.ndarray:
+        return random.integers(-5, 6, shape).astype(float)
+
+    n, ncon, nmeas = int(random.integers(1, 5)), int(random.integers(1, 3)), int(random.integers(1, 3))
+    p1, m1 = ncon + int(random.integers(0, 3)), nmeas + int(random.integers(0, 3))
+    k = 1 if n < 2 or random.random() < 0.4 else 2
+    modes, seen = integers(n, n), integers(p1, n)
+    modes[k:, :k], seen[:, :k] = 0.0, 0.0
+    modes[:k, :k] = 0.0 if k == 1 else np.array([[0.0, 3.0], [-3.0, 0.0]])
+    T = (np.triu(integers(n, n), 1) + np.eye(n)) @ (np.tril(integers(n, n), -1) + np.eye(n))  # determinant one
+    inverse = np.round(np.linalg.inv(T))
+    B2, D12, F = integers(n, ncon), integers(p1, ncon), integers(ncon, n)
+    A, C1 = T @ modes @ inverse - B2 @ F, seen @ inverse - D12 @ F
+    D = np.block([[integers(p1, m1), D12], [integers(nmeas, m1), np.zeros((nmeas, ncon))]])
+    P = Abcd(A, np.hstack([integers(n, m1), B2]), np.vstack([C1, integers(nmeas, n)]), D)
+    return (P, nmeas, ncon) if seed % 2 == 0 else (Abcd(P.A.T, P.C.T, P.B.T, P.D.T), ncon, nmeas)
+
+
+def square_minimum_phase_plant(seed: int) -> tuple[Abcd, int, int]:
+    """Return an integer plant whose optimum is zero: P12 and P21 square and invertible with all zeros stable."""
+    random = np.random.default_rng(seed)
+    while True:
+        n, size = int(random.integers(1, 4)), int(random.integers(1, 3))
+        shapes = ((n, n), (n, 2 * size), (2 * size, n), (2 * size, 2 * size))
+        A, B, C, D = (random.integers(-5, 6, shape).astype(float) for shape in shapes)
+        D[size:, size:] = 0.0
+        D12, D21 = D[:size, size:], D[size:, :size]
+        if abs(np.linalg.det(D12)) < 0.5 or abs(np.linalg.det(D21)) < 0.5:
+            continue
+        zeros = [
+            np.linalg.eigvals(A - B[:, size:] @ np.linalg.solve(D12, C[:size])),
+            np.linalg.eigvals(A - B[:, :size] @ np.linalg.solve(D21, C[size:])),
+        ]
+        if max(values.real.max() for values in zeros) < -0.1:
+            return Abcd(A, B, C, D), size, size

@@ -129,3 +129,16 @@ def test_errors() -> None:
         lcf(diagonal_system([1, 1], [1, 1]), L=[[1.0, 1.0]])
     with pytest.raises(ValueError, match="determines L"):
         lcf(diagonal_system([1, 1], [1, 1]), L=[[-1.0], [0.0]], normalised=True)
+
+
+@pytest.mark.parametrize("states", [(1.0, 1.0), (1e-5, 1e6), (1e6, 1e-5), (1e3, 1e-3)])
+@pytest.mark.parametrize("signals", [(1.0, 1.0), (1e6, 1e-6), (1e-6, 1e6), (1e-3, 1.0)])
+def test_units_do_not_make_a_mode_unseen(states: tuple[float, float], signals: tuple[float, float]) -> None:
+    """An integrator that drives an unstable state, in units of states, input and output far apart."""
+    d, (u, y) = np.array(states), signals
+    A, B, C = np.array([[0.0, 0], [-1, 1]]), np.array([[-2.0], [0]]), np.array([[-2.0, 3]])
+    system = Abcd(A * d / d[:, None], B / d[:, None] * u, C * d * y, np.zeros((1, 1)))
+    M, N = lcf(system)
+    assert is_stable(M)
+    quotient = np.linalg.solve(frequency_response(M, GRID[1:]), frequency_response(N, GRID[1:]))
+    np.testing.assert_allclose(quotient, frequency_response(system, GRID[1:]), rtol=1e-6)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import scipy.linalg
 import scipy.optimize
-from synthesis_problems import lmi_optimum, nehari_distance, random_system, siso, stiff_plant
+from published import varga_5_14_optimum
+from synthesis_problems import lmi_optimum, matching_plant, nehari_distance, random_system, siso, stiff_plant
 
 import gimc
 from gimc import (
@@ -27,19 +28,6 @@ from gimc import (
 from gimc.model_matching import Matching
 
 GRID = np.concatenate([[0.0], np.logspace(-5, 4, 1500)])
-
-
-def matching_plant(T1: Abcd, T2: Abcd, T3: Abcd) -> Abcd:
-    """[[T1, -T2], [T3, 0]]."""
-    blocks = append(T1, T2, T3)
-    (p1, m1), m2, p2 = T1.D.shape, T2.D.shape[1], T3.D.shape[0]
-    split = np.zeros((2 * m1 + m2, m1 + m2))
-    split[:m1, :m1] = np.eye(m1)
-    split[m1 : m1 + m2, m1:] = np.eye(m2)
-    split[m1 + m2 :, :m1] = np.eye(m1)
-    join = np.zeros((p1 + p2, 2 * p1 + p2))
-    join[:p1, :p1], join[:p1, p1 : 2 * p1], join[p1:, 2 * p1 :] = np.eye(p1), -np.eye(p1), np.eye(p2)
-    return gimc.scale(blocks, join, split)
 
 
 @pytest.mark.parametrize("zeros", [[1.0], [0.2], [1.0, 2.0], [0.3, 1.0, 5.0]])
@@ -77,30 +65,9 @@ def test_nehari(seed: int) -> None:
     assert exact * (1 - 1e-6) <= result.gamma <= exact * 1.002
 
 
-def least_distance_optimum() -> float:
-    """Varga (2017), example 5.14: Gf = 1/(s+1), Gw = 1/(s+2), Mr = 1/(s+3), optimum by hand.
-
-    `[Gf Gw] = Go Gi` with `Gi = [s+2, s+1] / (sqrt(2) (s + p))`, p = sqrt(2.5). Then the problem is the least distance
-    of `Mr Gi1~`, whose only antistable pole is p, under the bound `W W~ = gamma^2 - |Mr Gi2|^2` left by the noise.
-    """
-    p = np.sqrt(2.5)
-
-    def excess(gamma: float) -> float:
-        # gamma^2 - (1 - s^2) / (2 (9 - s^2)(p^2 - s^2)), numerator in x = s^2
-        numerator = gamma**2 * 2 * np.polymul([-1, 9], [-1, p * p]) - np.array([0, -1, 1])
-        roots = np.sqrt(np.roots(numerator).astype(complex))
-        roots = np.where(roots.real > 0, -roots, roots)
-        W = gamma * np.prod(p - roots).real / ((p + 3) * (p + p))
-        residue = (2 - p) / np.sqrt(2) / (p + 3)
-        return float(abs(residue) / (2 * p * W) - 1.0)
-
-    floor = np.abs(np.sqrt((1 + GRID**2) / 2 / (9 + GRID**2) / (p * p + GRID**2))).max()
-    return float(scipy.optimize.brentq(excess, floor * (1 + 1e-9), 1.0))
-
-
 def test_varga_example_5_14() -> None:
     """An optimal filter is improper; with a small eps ours comes within one per cent of its norm."""
-    exact = least_distance_optimum()
+    exact = varga_5_14_optimum()
     result = isolation_synthesis(siso([1], [1, 2]), siso([1], [1, 1]), siso([1], [1, 3]), 1e-4, rtol=1e-5, backoff=1e-3)
     assert exact * (1 - 1e-6) <= result.plain_gamma <= result.gamma * (1 + 1e-9)
     assert result.gamma <= 1.01 * exact
@@ -227,3 +194,20 @@ def test_errors() -> None:
     closed_loop = Abcd(-np.eye(1), np.ones((1, 2)), np.ones((2, 1)), np.array([[0, 1.0], [1, 0.5]]))
     with pytest.raises(gimc.SynthesisError, match="not zero"):
         model_matching(closed_loop, 1, 1)
+
+
+@pytest.mark.parametrize("seed", [16, 72, 75, 83, 101])
+@pytest.mark.parametrize("eps", [0.1, 1e-3])
+def test_bounds_are_bounds(seed: int, eps: float) -> None:
+    """Gains of 1e10 within a chain of three lags leave directions that rounding decides: no bound from those."""
+    random = np.random.default_rng(seed)
+    A = np.array([[-4.0, 1e5, 0], [0, -2, -1e5], [0, 0, -3]])
+    p, nd = int(random.integers(1, 3)), int(random.integers(1, 3))
+    B, C, D = (
+        random.integers(low, high, shape).astype(float)
+        for low, high, shape in ((-3, 4, (3, nd + 1)), (-3, 4, (p, 3)), (-2, 3, (p, nd + 1)))
+    )
+    Nd, Nf = Abcd(A, B[:, :nd], C, D[:, :nd]), Abcd(A, B[:, nd:], C, D[:, nd:])
+    result = isolation_synthesis(Nd, Nf, siso([1], [1, 1]), eps)
+    assert result.plain_lower_bound <= result.plain_gamma * (1 + 1e-6)
+    assert result.lower_bound <= result.gamma * (1 + 1e-6)

@@ -131,5 +131,50 @@ def test_errors() -> None:
     unstable = control.ss([[0.1]], [[1]], [[1]], 0)
     with pytest.raises(gimc.UnstableError, match="stable"):
         balanced_truncation(unstable, 0.1)
-    with pytest.raises(ValueError, match="between 0 and 3"):
+    with pytest.raises(ValueError, match="whole number from 0 to 3"):
         reduce_order(random_system(0, 3, 1, 1, stable=True), order=4)
+
+
+@pytest.mark.parametrize("count", [2, 3, 6])
+def test_minimal_realisation_of_one_pole_many_times(count: int) -> None:
+    """Stacked s^k / (s - 1)^count, each with its own states: one set of states is enough, and the response stays."""
+    powers = range(min(count, 4))
+    blocks = append(*(control.tf([1.0] + [0.0] * k, np.poly(np.ones(count))) for k in powers))
+    system = gimc.scale(blocks, right=np.ones((len(powers), 1)))
+    assert system.A.shape[0] == count * len(powers)
+    found = minimal_realisation(system)
+    assert found.nstates == count
+    w = np.logspace(-2, 2, 50)
+    wanted = np.array([[(1j * x) ** k / (1j * x - 1) ** count for k in powers] for x in w])
+    response = frequency_response(found, w)[:, :, 0]
+    assert (np.abs(response - wanted) <= 1e-4 * np.abs(wanted).max(axis=0)).all()
+
+
+def test_minimal_realisation_that_changes_the_response_is_refused() -> None:
+    """With a tenth of the size of the system taken for nothing, states go that are needed."""
+    with pytest.raises(gimc.SynthesisError, match="response does not stay the same"):
+        minimal_realisation(random_system(2, 6, 1, 1, stable=True), rtol=0.1)
+
+
+def little_damping() -> Abcd:
+    """Thirty oscillators with a damping ratio of 1e-9, mixed: poles nearly on the axis."""
+    random = np.random.default_rng(0)
+    frequencies = np.geomspace(1.0, 30.0, 30)
+    A = np.zeros((60, 60))
+    for i, w in enumerate(frequencies):
+        A[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = [[-1e-9 * w, w], [-w, -1e-9 * w]]
+    mix = np.linalg.qr(random.normal(size=(60, 60)))[0]
+    return Abcd(mix @ A @ mix.T, random.normal(size=(60, 1)), random.normal(size=(1, 60)), np.zeros((1, 1)))
+
+
+@pytest.mark.parametrize("rtol", [1e-1, 1e-3])
+def test_little_damping_within_rtol(rtol: float) -> None:
+    result = reduce_order(little_damping(), rtol=rtol)
+    assert result.order < 60
+    assert result.error <= 1.001 * rtol * result.norm
+
+
+def test_little_damping_beyond_rounding_is_refused() -> None:
+    """No digits are left for 1e-8; a larger order than all states there is not."""
+    with pytest.raises(gimc.SynthesisError, match=r"reduction to rtol = 1e-08: order 60 .* too near the axis"):
+        reduce_order(little_damping(), rtol=1e-8)

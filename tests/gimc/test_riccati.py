@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from synthesis_problems import random_system
 
 from gimc import RiccatiError, care
-from gimc.riccati import hinf_are
+from gimc.riccati import hinf_are, lyapunov
 
 
 @given(st.integers(0, 10**6), st.integers(1, 10), st.integers(1, 3))
@@ -77,3 +77,16 @@ def test_eigenvalues_on_the_axis_are_refused() -> None:
 def test_empty() -> None:
     empty = np.zeros((0, 0))
     assert care(empty, empty, empty).shape == (0, 0)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_lyapunov(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    A, Q = random.normal(size=(5, 5)) - 4 * np.eye(5), random.normal(size=(5, 5))
+    X = lyapunov(A, Q)
+    np.testing.assert_allclose(A @ X + X @ A.T, -0.5 * (Q + Q.T), atol=1e-12)
+
+
+def test_lyapunov_without_a_solution() -> None:
+    with pytest.raises(RiccatiError, match="no solution"):
+        lyapunov(np.diag([1.0, -1.0]), np.ones((2, 2)))

@@ -206,7 +206,7 @@ def test_innovation_covariance_is_that_of_a_simulation() -> None:
 
 def test_errors() -> None:
     system = siso([1], [1, 1])
-    with pytest.raises(ValueError, match="must be positive"):
+    with pytest.raises(ValueError, match="finite positive number"):
         discretise(system, 0.0)
     with pytest.raises(ValueError, match="'zoh', 'foh', 'tustin'"):
         discretise(system, 0.1, "euler")  # type: ignore[arg-type]

@@ -9,6 +9,7 @@ import psutil
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from ac_common.faults import BY_KIND, UNFILTERED
 from ac_common.units import KPA
 from ac_plant_node.rest import rest_at
 from tests.domains import OWN
@@ -74,6 +75,26 @@ def test_a_fault_injected_by_a_click_lights_the_lamps_and_shows_in_the_residual(
     assert row["speed_actual"] - row["speed"] == pytest.approx(60.0, abs=1e-6)
     click(page, "Stop f_N")
     until(lambda: newest(page, "f_N") == 0.0, "the fault does not end")
+
+
+def test_all_other_faults_are_offered_and_a_sensor_sticks(page: Page) -> None:
+    kind, profile = (page.locator(f"select[name={name}_other]") for name in ("kind", "profile"))
+    assert kind.locator("option").all_inner_texts() == [f"{fault.symbol}: {fault.name}" for fault in UNFILTERED]
+    fault = BY_KIND["condenser_pressure_sensor"]
+    kind.select_option(label=f"{fault.symbol}: {fault.name}")
+    click(page, "Inject f_pc")
+    share = 100.0 * fault.typical / fault.largest
+    until(lambda: math.isclose(newest(page, "f_pc"), share), "the fault does not come")
+    click(page, "Stop f_pc")
+    until(lambda: newest(page, "f_pc") == 0.0, "the fault does not end")
+    profile.select_option(label="stuck")
+    expect(page.locator("input[name=size_other]")).to_be_hidden()
+    click(page, "Inject f_pc")
+    expect(page.locator(".said")).to_have_text("condenser_pressure_sensor: stuck starts with the next tick")
+    click(page, "Stop f_pc")
+    kind.select_option(label=f"f_leak: {BY_KIND['refrigerant_leak'].name}")  # no sensor's
+    expect(profile.locator("option", has_text="stuck")).to_have_count(0)
+    expect(profile).to_have_value("step")
 
 
 def test_references_and_air_follow_what_is_typed(page: Page) -> None:
