@@ -9,7 +9,7 @@ At every tick there are explanations of what has been seen: a jump of one unknow
   what no explanation is ahead of for `undecided_s`, what leaves the innovations inconsistent for so long, and a fault
   larger than one with that name can be.
 - A named fault is isolated without a jump, too, when its estimate has wandered beyond its threshold.
-- A fault is over when its estimate has been below half its threshold for `clear_s`, an unknown one when there has been
+- A fault is over when its estimate has been next to nothing for `clear_s`, an unknown one when there has been
   nothing to explain for so long.
 
 A second fault that is isolated does not end the first. "Unknown" hides both: which of them is there is then in doubt.
@@ -28,7 +28,7 @@ from ac_common.units import KPA, RPM
 from ac_plant_node.dynamics.balances import N_STATES
 from fdi_node.envelope import filter as kalman
 from fdi_node.envelope import jumps
-from fdi_node.envelope.memory import BEST, LARGEST, NIS, TICKS, Rules, memory_of
+from fdi_node.envelope.memory import LARGEST, NIS, TICKS, Rules, memory_of
 from fdi_node.envelope.unknowns import NATURAL, Unknown
 
 NOT = math.inf
@@ -43,19 +43,20 @@ class Limits:
 
     Attributes
     ----------
-    natural, likely, sure : float
-        Likelihood ratios (twice the logarithm) above which an air flow has jumped; something is detected and, if an
-        explanation is ahead, isolated; something is there although none is ahead.
+    natural, likely, likely_unknown, plain, certain : float
+        Likelihood ratios (twice the logarithm) above which an air flow has jumped; a named fault is detected and,
+        if it is ahead, isolated; one without a name is; a fault is isolated soon; it is certain that something is.
     ahead, ahead_natural, ahead_share : float
         An explanation is ahead of another by the first, a jump of an air flow by the second; or by this share of its
         own ratio if that is more, because the model is linearised.
-    named_bonus : float
-        What the ratio of a named fault counts more against those of the others, which are rarer.
-    hold_s, hold_unknown_s : float
-        How long a named fault and another one must be ahead.
-    undecided_s, clear_s, settle_s : float
-        How long an explanation is waited for; how long a fault must be gone to be over; for how long after the start
-        nothing is concluded.
+    common_bonus : float
+        What the ratio of a named fault or an air flow counts more against those of the others, which are rarer.
+    hold_s, hold_unsure_s : float
+        How long a named fault whose ratio is above `plain`, and any other one, must be ahead.
+    undecided_s, unclear_s : float
+        How long an explanation is waited for when ratios are above `certain`, and when not.
+    clear_s, settle_s : float
+        How long a fault must be gone to be over; for how long after the start nothing is concluded.
     sigmas : float
         Thresholds of the named faults' estimates, in standard deviations of the filter,
     floor_rad_s, floor_pa : float
@@ -70,14 +71,17 @@ class Limits:
 
     natural: float = 25.0
     likely: float = 36.0
-    sure: float = 80.0
+    likely_unknown: float = 100.0
+    plain: float = 300.0
+    certain: float = 1000.0
     ahead: float = 10.0
     ahead_natural: float = 4.0
     ahead_share: float = 0.02
-    named_bonus: float = 6.0
+    common_bonus: float = 15.0
     hold_s: float = 0.4
-    hold_unknown_s: float = 2.0
-    undecided_s: float = 20.0
+    hold_unsure_s: float = 2.0
+    undecided_s: float = 10.0
+    unclear_s: float = 90.0
     clear_s: float = 20.0
     settle_s: float = 20.0
     sigmas: float = 5.0
@@ -167,7 +171,7 @@ class EnvelopeDecision:
             self._look_at_estimates(time_s, thresholds)
             self._look_at_consistency(time_s)
         if self.isolated:
-            self._end(time_s, thresholds)
+            self._end(time_s)
         return self._conclude(thresholds)
 
     def _deviation(self, unknown: int) -> float:
@@ -194,7 +198,10 @@ class EnvelopeDecision:
         if here < limits.natural:
             since.likely = since.ahead = NOT
             return
-        ratios = [ratio + limits.named_bonus * (h < NAMED) for h, ratio in enumerate(self._memory.ratios.tolist())]
+        ratios = [
+            ratio + limits.common_bonus * (reported != UNKNOWN)
+            for ratio, reported in zip(self._memory.ratios.tolist(), self._reported, strict=True)
+        ]
         best = max(ratios)
         top = ratios.index(best)
         lead = best - max(ratios[:top] + ratios[top + 1 :])
@@ -203,19 +210,22 @@ class EnvelopeDecision:
         if reported == NATURAL and lead > limits.ahead_natural:
             self._accept(top)
             return
-        if here < limits.likely:
+        if here < limits.likely or (reported == UNKNOWN and here < limits.likely_unknown):
             since.likely = since.ahead = NOT
             return
         if since.likely == NOT:
             since.likely = time_s
-        if not is_ahead or top != since.leader:
-            since.leader, since.ahead = top, (time_s if is_ahead else NOT)
-        onset_s = time_s - float(self._memory.age[int(self._memory.scalars[BEST])]) * self._h
-        if time_s - since.ahead >= (limits.hold_unknown_s if reported == UNKNOWN else limits.hold_s) - 1.0e-9:
+        if not is_ahead:
+            since.ahead = NOT
+        elif top != since.leader or since.ahead == NOT:
+            since.leader, since.ahead = top, time_s
+        onset_s = time_s - float(self._memory.age[int(self._memory.best[top])]) * self._h
+        hold_s = limits.hold_s if here > limits.plain and reported != UNKNOWN else limits.hold_unsure_s
+        if time_s - since.ahead >= hold_s - 1.0e-9:
             stuck = self._rules.prior[top] < 0.0
             self._accept(top)
             self._add(-1 if stuck else int(self._rules.jumping[top]), reported, onset_s, time_s)
-        elif time_s - since.likely >= limits.undecided_s and here > limits.sure:
+        elif time_s - since.likely >= (limits.undecided_s if here > limits.certain else limits.unclear_s):
             self._add(-1, UNKNOWN, onset_s, time_s)
 
     def _accept(self, top: int) -> None:
@@ -266,18 +276,19 @@ class EnvelopeDecision:
         if time_s - since.inconsistent >= self.limits.undecided_s:
             self._add(-1, UNKNOWN, since.inconsistent, time_s)
 
-    def _is_small(self, unknown: int, thresholds: tuple[float, ...]) -> bool:
+    def _is_small(self, unknown: int) -> bool:
         if unknown < 0:
             return self.since.likely == NOT and float(self._memory.scalars[NIS]) < self.limits.consistent
         value = abs(float(self._memory.x[unknown]))
         if unknown < NAMED:
-            return value < 0.5 * thresholds[unknown]
+            floor = (self.limits.floor_rad_s, self.limits.floor_pa)[unknown]
+            return value < 0.5 * floor + 2.0 * self._deviation(unknown)
         return value < 0.3 * self._unknowns[unknown].scale + 2.0 * self._deviation(unknown)
 
-    def _end(self, time_s: float, thresholds: tuple[float, ...]) -> None:
+    def _end(self, time_s: float) -> None:
         """Forget the faults that are over."""
         for one in list(self.isolated):
-            if not self._is_small(one.unknown, thresholds):
+            if not self._is_small(one.unknown):
                 one.small_since = NOT
                 continue
             one.small_since = min(one.small_since, time_s)

@@ -16,10 +16,10 @@ import numpy as np
 from ac_plant_node.dynamics.balances import N_STATES
 from ac_plant_node.dynamics.drive import OPENING
 from fdi_node.envelope.compiled import Array, jit
-from fdi_node.envelope.memory import BEST, LARGEST, N_WINDOWS, Memory, Rules
+from fdi_node.envelope.memory import LARGEST, N_WINDOWS, Memory, Rules
 from fdi_node.envelope.model import SCALE
 
-SHORTEST_S, LONGEST_S = 2, 64
+SHORTEST_S, LONGEST_S = 1, 64
 """Window w is SHORTEST_S 2^w seconds long, and begins when another one is half full."""
 TELLING, SPEAKING = 20.0, 36.0
 """A window whose largest ratio is beyond the first is kept for up to LONGEST_S; what startles does not begin the last
@@ -117,17 +117,19 @@ def propagate(m: Memory, rules: Rules, opening: float) -> None:
 
 @jit
 def judge(m: Memory, rules: Rules) -> None:
-    """Find the window with the likeliest jump, and the ratios of all jumps in it."""
+    """Find for each jump the window in which it is the likeliest, and its ratio there."""
     q = rules.jumping.shape[0]
-    m.scalars[BEST], m.scalars[LARGEST] = 0.0, -np.inf
+    m.scalars[LARGEST] = -np.inf
+    for h in range(q):
+        m.ratios[h] = -np.inf
     for window in range(N_WINDOWS):
         m.telling[window] = -np.inf
         for h in range(q):
-            m.telling[window] = max(m.telling[window], _ratio(m, rules, window * q + h, h))
-        if m.telling[window] > m.scalars[LARGEST]:
-            m.scalars[BEST], m.scalars[LARGEST] = window, m.telling[window]
-    for h in range(q):
-        m.ratios[h] = _ratio(m, rules, int(m.scalars[BEST]) * q + h, h)
+            ratio = _ratio(m, rules, window * q + h, h)
+            m.telling[window] = max(m.telling[window], ratio)
+            if ratio > m.ratios[h]:
+                m.ratios[h], m.best[h] = ratio, window
+        m.scalars[LARGEST] = max(m.scalars[LARGEST], m.telling[window])
 
 
 @jit
@@ -145,7 +147,7 @@ def accept(m: Memory, rules: Rules, h: int, dz: Array) -> None:
     left out.
     """
     n = m.P.shape[0]
-    at = int(m.scalars[BEST]) * rules.jumping.shape[0] + h
+    at = int(m.best[h]) * rules.jumping.shape[0] + h
     for i in range(n):
         dz[i] = 0.0
     if rules.prior[h] >= 0.0:

@@ -11,14 +11,14 @@ from ac_plant_node.parameters.values import NAMES
 from fdi_node.envelope.compiled import Array, jit
 from fdi_node.envelope.model import N_READINGS
 
-N_WINDOWS = 7
+N_WINDOWS = 8
 """Windows in which jumps are looked for; the last is for those that startle."""
 
-TICKS, LOST, AGE, ZETA_THEN, SPEED_THEN, OPENING_THEN, DOUBT, NIS, GATED, BEST, LARGEST = range(11)
+TICKS, LOST, AGE, ZETA_THEN, SPEED_THEN, OPENING_THEN, DOUBT, NIS, GATED, LARGEST = range(10)
 """Scalars: ticks observed; corrections that led outside the model's domain and were taken back; ticks since the last
 Jacobian, and zone length, speed, opening there; how short the superheated zone is (0..1); mean square of the white
-innovations; ticks for which readings have been gated; window with the likeliest jump, and its ratio."""
-N_SCALARS = 11
+innovations; ticks for which readings have been gated; largest ratio of all jumps in all windows."""
+N_SCALARS = 10
 
 
 class Rules(NamedTuple):
@@ -47,8 +47,8 @@ class Memory(NamedTuple):
     (4,): innovations and their standard deviations; `white` (4,): innovations of the readings one after the other over
     theirs; `P` (n, n), `A`, `F` (12, n), `C`, `PC` (4, n): covariance, Jacobian, transition, Jacobian of the readings,
     C P, all in units of the scales; `V` (n, w q), `S`, `d` (w q,): of the jumps in w windows, as in `jumps`; `age`,
-    `telling`, `opening` (w,): a window's ticks, its largest ratio, the valve's opening when it began; `ratios` (q,): of
-    the window with the likeliest jump.
+    `telling`, `opening` (w,): a window's ticks, its largest ratio, the valve's opening when it began; `ratios`,
+    `best` (q,): of each jump the largest ratio, and its window.
     """
 
     work: Array
@@ -74,6 +74,7 @@ class Memory(NamedTuple):
     telling: Array
     opening: Array
     ratios: Array
+    best: Array
 
 
 @jit
@@ -105,6 +106,7 @@ def memory_of(flat: Array, m: int, q: int) -> Memory:
         flat[k:o], flat[o:p].reshape(n, n), flat[p:r].reshape(N_STATES, n), flat[r:s].reshape(N_STATES, n),
         flat[s:t].reshape(N_READINGS, n), flat[t:u].reshape(N_READINGS, n), flat[u:v].reshape(n, w * q), flat[v:x],
         flat[x:y], flat[y:z], flat[z : z + w], flat[z + w : z + 2 * w], flat[z + 2 * w : z + 2 * w + q],
+        flat[z + 2 * w + q : z + 2 * w + 2 * q],
     )  # fmt: skip
 
 
@@ -115,4 +117,4 @@ def new_memory(m: int, q: int) -> Array:
     """Return the array of an observer with m unknowns of which q may jump, all zero."""
     n, w = N_STATES + m, N_WINDOWS
     small = N_WORK + N_SCALARS + m + 2 * N_STATES + N_PARAMETERS + N_HELD + 4 * N_READINGS
-    return np.zeros(small + n * n + 2 * (N_STATES + N_READINGS) * n + n * w * q + 2 * w * q + 3 * w + q)
+    return np.zeros(small + n * n + 2 * (N_STATES + N_READINGS) * n + n * w * q + 2 * w * q + 3 * w + 2 * q)

@@ -3,7 +3,6 @@
 import numpy as np
 
 from ac_plant_node.dynamics.balances import (
-    HEAT_IN,
     N_STATES,
     P_C,
     P_E,
@@ -36,7 +35,19 @@ _CHARGE = INDEX["charge_kg"]
 
 @jit
 def apply(x: Array, rows: Array, told: Array, nominal: Array, par: Array, held: Array) -> None:
-    """Work out what the plant is driven by, `held` (N_HELD,), and its parameters `par`, with the unknowns `x` (m,)."""
+    """Work out what the plant is driven by, `held` (N_HELD,), and its parameters `par`.
+
+    Parameters
+    ----------
+    x : (m,) array
+        The unknowns.
+    rows : (m, 5) array
+        From `fdi_node.envelope.unknowns.table`.
+    told : (N_HELD,) array
+        The plant's inputs as commanded and measured.
+    nominal : array
+        The design's parameters.
+    """
     for i in range(N_HELD):
         held[i] = told[i]
     for i in range(par.shape[0]):
@@ -60,13 +71,24 @@ def is_charge(rows: Array, i: int) -> bool:
 
 
 @jit
+def _drive(k: Work, x: Array, rows: Array, told: Array, nominal: Array, par: Array) -> None:
+    """Set what the rates are driven by."""
+    apply(x, rows, told, nominal, par, k.held)
+    set_drive(k.held, par, k.drive)
+
+
+@jit
+def _outputs(k: Work, out: Array) -> None:
+    out[0], out[1], out[2], out[3] = k.aux[P_E], k.aux[SUPERHEAT], k.aux[WALL_E2] - 273.15, k.aux[P_C]
+
+
+@jit
 def _rates(k: Work, s: Array, par: Array, tab: Tables, dy: Array, out: Array) -> int:
     """Rates and outputs at the integration state `s`, with zones solved from the present pressures; 0 or 1 as `rhs`."""
     ev, suction, failed_e = evaporator_zones(s, par, tab, k.guess[0])
     co, failed_c = condenser_zones(s, k.drive, suction, par, tab, k.guess[1])
     balances(s, k.drive, par, ev, suction, co, flows(ev, co, suction, s[8], k.drive, par, tab), k.z, dy, k.aux)
-    out[0], out[1], out[2], out[3] = k.aux[P_E], k.aux[SUPERHEAT], k.aux[WALL_E2] - 273.15, k.aux[P_C]
-    dy[ENERGY] = k.aux[HEAT_IN]
+    _outputs(k, out)
     return max(failed_e, failed_c)
 
 
@@ -92,14 +114,8 @@ def linearise(
     ----------
     k : Work
         Of the observer's integration; its state is kept, its drive is not: the integration has to begin anew.
-    x : (m,) array
-        The unknowns.
-    rows : (m, 5) array
-        From `fdi_node.envelope.unknowns.table`.
-    told : (N_HELD,) array
-        The plant's inputs as commanded and measured.
-    nominal, par : arrays
-        The design's parameters; room for those in use.
+    x, rows, told, nominal, par
+        As `apply`.
     tab : Tables
     step : (12 + m,) array
         Half the distance of the differences, in units of the scales.
@@ -112,8 +128,7 @@ def linearise(
     charge = k.memory[CHARGE]
     A[:, :] = 0.0
     C[:, :] = 0.0
-    apply(x, rows, told, nominal, par, k.held)
-    set_drive(k.held, par, k.drive)
+    _drive(k, x, rows, told, nominal, par)
     for i in range(N_STATES):
         s[i] = k.y[i]
     s[ENERGY] = charge - s[0]
@@ -142,23 +157,20 @@ def linearise(
                 for i in range(m):
                     moved[i] = x[i]
                 moved[u] += d
-                apply(moved, rows, told, nominal, par, k.held)
-                set_drive(k.held, par, k.drive)
+                _drive(k, moved, rows, told, nominal, par)
             if j == 3 or j == 4 or (9 <= j < N_STATES):
                 balances(s, k.drive, par, ev, suction, co, flow, k.z, dy, k.aux)
-                out[0], out[1], out[2], out[3] = k.aux[P_E], k.aux[SUPERHEAT], k.aux[WALL_E2] - 273.15, k.aux[P_C]
+                _outputs(k, out)
             else:
                 failed += _rates(k, s, par, tab, dy, out)
         if u < 0:
             s[j] = k.y[j]
         s[ENERGY] = charge - s[0]
         if u >= 0:
-            apply(x, rows, told, nominal, par, k.held)
-            set_drive(k.held, par, k.drive)
+            _drive(k, x, rows, told, nominal, par)
         if failed == 0:
             for i in range(N_STATES):
-                if i != ENERGY:
-                    A[i, j] = (up[i] - down[i]) / (2.0 * step[j] * STATE_SCALE[i])
+                A[i, j] = (up[i] - down[i]) / (2.0 * step[j] * STATE_SCALE[i]) if i != ENERGY else 0.0
             for i in range(N_READINGS):
                 C[i, j] = (out_up[i] - out_down[i]) / (2.0 * step[j] * READING_SCALE[i])
     k.held[0] = np.nan
