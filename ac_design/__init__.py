@@ -11,6 +11,7 @@ from ac_design.store import (
 )
 from ac_design.weights import (
     CONTROLLERS,
+    ENVELOPE_CONTROLLER,
     PAPER_CONTROLLER,
     CompensatorWeights,
     ControllerWeights,
@@ -20,6 +21,7 @@ from ac_design.weights import (
 
 __all__ = [
     "CONTROLLERS",
+    "ENVELOPE_CONTROLLER",
     "PAPER_CONTROLLER",
     "CompensatorWeights",
     "ControllerWeights",

@@ -33,6 +33,9 @@ LIMIT_UNIT = np.array([RPM, 0.01])
 LEAD_UNIT = np.array([KPA, 1.0])
 """Units of `ControllerWeights.lead`: kPa and K."""
 
+ENVELOPE_POINT = "med"
+"""Where K0 is designed for the whole envelope."""
+
 PRIORITY_S = 5.0
 """How far ahead the effect of the commands counts when one of them is at a limit; not critical."""
 
@@ -106,6 +109,9 @@ def limit_priority(model: DesignModel) -> Matrix:
 def synthesise(point: str, sample_time_s: float, weights: ControllerWeights) -> Arrays:
     """Design K0 and its coprime factors at one operating point.
 
+    With logarithmic coordinates of the commands K0 is the medium point's at every point: `point` then is where the
+    coordinates have their origin.
+
     Returns
     -------
     dict of str to ndarray
@@ -113,7 +119,9 @@ def synthesise(point: str, sample_time_s: float, weights: ControllerWeights) -> 
         and the gain of its factors in design units; `report`.
     """
     started = time.perf_counter()
-    model = design_model(point)
+    curvature = _curvature(point, weights)
+    design_point = ENVELOPE_POINT if curvature.any() else point
+    model = design_model(design_point)
     problem = generalised_plant(model, weights)
     result = hinf_synthesis(problem, 2, 2)
     # Small against the gains that matter, not against the integrators' gain at rest.
@@ -123,6 +131,8 @@ def synthesise(point: str, sample_time_s: float, weights: ControllerWeights) -> 
     factors = discretise(
         to_si(factored(K, Lk), np.concatenate([OUTPUT_UNIT[:2], COMMAND_UNIT]), COMMAND_UNIT), sample_time_s, "zoh"
     )
+    # Of the coordinates with their origin at the point of the design, in those with their origin at `point`.
+    scale = curvature / _curvature(design_point, weights) if curvature.any() else np.ones(2)
     report = BlockReport(
         block="K0",
         claimed=result.claimed_gamma,
@@ -138,17 +148,19 @@ def synthesise(point: str, sample_time_s: float, weights: ControllerWeights) -> 
     )
     return {
         "phi": factors.A,
-        "gamma": factors.B,
-        "c": factors.C,
-        "d": factors.D[:, :2],
+        "gamma": factors.B * np.concatenate([np.ones(2), scale]),
+        "c": factors.C / scale[:, None],
+        "d": factors.D[:, :2] / scale[:, None],
         "command_rest": np.array(operating_point(point).inputs[:2]),
         "command_min": np.array(weights.limits.low) * LIMIT_UNIT,
         "command_max": np.array(weights.limits.high) * LIMIT_UNIT,
         "command_rate": np.array(weights.limits.rate) * LIMIT_UNIT,
         "sample_time_s": np.array(sample_time_s),
-        "priority": limit_priority(model),
+        "priority": limit_priority(model) * np.outer(scale, scale),
         "lead": np.array(weights.lead) * LEAD_UNIT,
         "lag_s": np.array(weights.lag_s),
+        "approach_k": np.array(weights.approach_k),
+        "curvature": curvature,
         "K_a": K.A,
         "K_b": K.B,
         "K_c": K.C,
@@ -156,3 +168,8 @@ def synthesise(point: str, sample_time_s: float, weights: ControllerWeights) -> 
         "Lk": Lk,
         "report": report.to_array(),
     }
+
+
+def _curvature(point: str, weights: ControllerWeights) -> Matrix:
+    """Return `ControllerDesign.curvature` with the origin at a point, shape (2,)."""
+    return np.asarray(1.0 / (operating_point(point).inputs[:2] + np.array(weights.log_offset) * LIMIT_UNIT))

@@ -1,9 +1,11 @@
 """Weights of the designs of observer, isolation filter, K0 and compensators, in design units."""
 
+import math
 from dataclasses import dataclass, field
 from typing import Literal
 
 from gimc_controller_node.command_limits import CommandLimits
+from gimc_controller_node.controller import NO_APPROACH_K
 
 SuperheatSensor = Literal["direct", "derived"]
 """Superheat measured by itself, or from an outlet thermocouple and the *measured* pressure: `T_out - T_sat(p_e)`."""
@@ -113,6 +115,12 @@ class ControllerWeights:
         less than what shuts the valve at the low point.
     lag_s : tuple of float
         Time constants with which the governor assumes that the loop follows, s: slower than the loop.
+    log_offset : tuple of float
+        o of the commands' coordinates `(u_0 + o) ln((u + o) / (u_0 + o))`, speed [rpm] and opening [%], for one K0 over
+        the whole envelope; infinite: the commands themselves.
+    approach_k : float
+        How much colder than the air at its inlet the refrigerant has to leave the evaporator: a superheat beyond, which
+        shuts the valve, is not asked for; `NO_APPROACH_K`: any is.
     """
 
     bandwidth_rad_s: tuple[float, float] = (0.3, 0.1)
@@ -127,6 +135,8 @@ class ControllerWeights:
     limits: CommandLimits = field(default_factory=CommandLimits)
     lead: tuple[float, float] = (8.0, 3.0)
     lag_s: tuple[float, float] = (2.5, 10.0)
+    log_offset: tuple[float, float] = (math.inf, math.inf)
+    approach_k: float = NO_APPROACH_K
 
 
 PAPER_CONTROLLER = ControllerWeights(
@@ -141,6 +151,15 @@ PAPER_CONTROLLER = ControllerWeights(
 An actuator fault of 40 rpm is then taken back by 20 rpm, the rest by the valve. The default of `ControllerWeights`
 holds both references instead and takes back all of it.
 """
+
+ENVELOPE_CONTROLLER = ControllerWeights(
+    bandwidth_rad_s=(1.2, 0.3),
+    lead=(16.0, 6.0),
+    lag_s=(1.5, 5.0),
+    log_offset=(300.0, 2.0),
+    approach_k=2.0,
+)
+"""One K0 for the whole envelope: of the medium point, in the logarithms of the commands."""
 
 CONTROLLERS = {"tracking": ControllerWeights(), "paper": PAPER_CONTROLLER}
 """The K0 that a scenario, or a node's parameter, may choose by name."""

@@ -1,13 +1,17 @@
 """The designs that a scenario asks for, for the loop in one process and as files for the nodes."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from ac_common.topics import COMPENSATOR, CONTROLLER, FDI
-from ac_design import SuperheatSensor, design_of, write_designs
-from ac_experiments.scenario_schema import Scenario
+from ac_design import ENVELOPE_CONTROLLER, SuperheatSensor, design_controller, design_of, write_designs
+from ac_design.envelope import design_envelope_fdi
+from ac_experiments.scenario_schema import SENSORS, Scenario
 from fdi_node import FdiDesign
+from fdi_node.envelope import EnvelopeDesign
 from gimc_controller_node import CompensatorDesign, ControllerDesign
+from gimc_controller_node.envelope_compensator import EnvelopeCompensatorDesign
 from gimc_controller_node.making import check_controller
 
 
@@ -18,6 +22,15 @@ class Designs:
     fdi: FdiDesign
     controller: ControllerDesign
     compensator: CompensatorDesign
+
+
+@dataclass(frozen=True)
+class EnvelopeDesigns:
+    """The same three for the whole envelope."""
+
+    fdi: EnvelopeDesign
+    controller: ControllerDesign
+    compensator: EnvelopeCompensatorDesign
 
 
 def designs_at(
@@ -38,8 +51,24 @@ def designs_at(
     return Designs(*designs)  # type: ignore[arg-type]
 
 
-def designs_of(scenario: Scenario) -> Designs:
+def envelope_designs(
+    point: str, sample_time_s: float, sensors: Sequence[str] = SENSORS, superheat: SuperheatSensor = "direct"
+) -> EnvelopeDesigns:
+    """Return the designs for the whole envelope; `point` is where the run begins, and what the safe command is from."""
+    controller = design_controller(point, sample_time_s, ENVELOPE_CONTROLLER)
+    return EnvelopeDesigns(
+        fdi=design_envelope_fdi(sample_time_s, sensors),
+        controller=controller,
+        compensator=EnvelopeCompensatorDesign(**vars(controller), derived=float(superheat == "derived")),
+    )
+
+
+def designs_of(scenario: Scenario) -> Designs | EnvelopeDesigns:
     """Return the designs that a scenario asks for."""
+    if scenario.design == "envelope":
+        return envelope_designs(
+            scenario.operating_point, scenario.sample_time_s, scenario.envelope_sensors, scenario.superheat_sensor
+        )
     return designs_at(
         scenario.operating_point,
         scenario.sample_time_s,

@@ -15,6 +15,7 @@ from ac_common.faults import FAULTS, KINDS, STICKING, Fault
 from ac_common.units import KPA
 from ac_common.yaml_file import parsed, text_of, yaml_text
 from ac_experiments.car_schema import Car, over_time
+from ac_experiments.drives import drive, seed_of
 from ac_experiments.scenario_schema import SHORTEST_S, Change, Scenario
 from ac_experiments.schema_part import quoted, unknown
 
@@ -177,7 +178,7 @@ def load(name_or_path: str | Path, overrides: Sequence[str] = (), *, whole: bool
     Parameters
     ----------
     name_or_path
-        A built-in name (``actuator_fault``) or the path of a YAML file.
+        A built-in name (``actuator_fault``), a random drive (``drive:123``), or the path of a YAML file.
     overrides
         ``dotted.key=value``; list items by number, as in ``faults.0.size_rpm=60``.
     whole
@@ -188,8 +189,9 @@ def load(name_or_path: str | Path, overrides: Sequence[str] = (), *, whole: bool
     UserError
         One line naming the file, the key, what was given and what is allowed.
     """
-    path = _find(name_or_path)
-    content = parsed(text_of(path), f"{path}: not valid YAML")
+    seed = seed_of(str(name_or_path))
+    path = _find(name_or_path) if seed is None else Path(str(name_or_path))
+    content = parsed(text_of(path), f"{path}: not valid YAML") if seed is None else drive(seed)
     if not isinstance(content, dict):
         msg = f"{path}: must hold keys and values such as 'duration_s: 600', not {_kind(content)}"
         raise UserError(msg)
@@ -228,7 +230,7 @@ def _find(name_or_path: str | Path) -> Path:
     if path.suffix in (".yaml", ".yml") or "/" in text:
         msg = f"{text}: no such scenario file"
         raise UserError(msg)
-    raise UserError(unknown("scenario", text, list(known)) + ", or the path of a YAML file")
+    raise UserError(unknown("scenario", text, list(known)) + ", drive:SEED, or the path of a YAML file")
 
 
 _LIST_EXAMPLES = (

@@ -296,6 +296,7 @@ class Scenario(Part):
     passive: bool = False
     sensors: Annotated[int | list[str], PlainValidator(SensorChoice())] = 3
     superheat_sensor: Literal["direct", "derived"] = "direct"
+    design: Literal["paper", "envelope"] = "paper"
     controller: Annotated[str, AfterValidator(ControllerName())] = "tracking"
     references: References = References()
     air: Air = Air()
@@ -359,6 +360,13 @@ class Scenario(Part):
         return self
 
     @model_validator(mode="after")
+    def _controller_fits(self) -> "Scenario":
+        if self.design == "envelope" and self.controller == "paper":
+            msg = "controller: paper needs design: paper; the envelope has one K0 of its own"
+            raise ValueError(msg)
+        return self
+
+    @model_validator(mode="after")
     def _compensator_fits(self) -> "Scenario":
         self.is_passive()
         return self
@@ -372,7 +380,7 @@ class Scenario(Part):
             When the compensator is to act with two sensors, or with a compressor on the belt.
         """
         passive = self.passive if instead is None else instead
-        if self.design_sensors == 2 and not passive:
+        if self.design == "paper" and self.design_sensors == 2 and not passive:
             msg = f"sensors: {self.sensors} needs passive: true, since the compensators are designed for three sensors"
             raise UserError(msg)
         if self.has_belt and not passive:
@@ -384,6 +392,11 @@ class Scenario(Part):
     def has_belt(self) -> bool:
         """Whether an engine turns the compressor."""
         return self.car is not None and self.car.has_belt
+
+    @property
+    def envelope_sensors(self) -> tuple[str, ...]:
+        """The sensors that the envelope's design uses: those of the list; a number is about the paper's designs."""
+        return tuple(self.sensors) if isinstance(self.sensors, list) else SENSORS
 
     @property
     def design_sensors(self) -> int:

@@ -31,7 +31,7 @@ from ac_common.topics import (
     schedule_of,
     truth_of,
 )
-from ac_experiments.designs import Designs, check_controller_of, designs_of
+from ac_experiments.designs import Designs, EnvelopeDesigns, check_controller_of, designs_of
 from ac_experiments.recording import Recording
 from ac_experiments.scenario import Schedule, cabin_of, schedule
 from ac_experiments.scenario_schema import Scenario
@@ -66,7 +66,7 @@ def simulate(
     scenario: Scenario,
     passive: bool | None = None,
     progress: Progress | None = None,
-    designs: Designs | None = None,
+    designs: Designs | EnvelopeDesigns | None = None,
 ) -> Recording:
     """Run `scenario` on the nonlinear plant.
 
@@ -143,13 +143,12 @@ class _Loop:
     events : list of dict
     """
 
-    def __init__(self, scenario: Scenario, designs: Designs, *, accommodate: bool) -> None:
+    def __init__(self, scenario: Scenario, designs: Designs | EnvelopeDesigns, *, accommodate: bool) -> None:
         # Imported here: these compile or load designs, and the command line must answer --help at once.
+        from ac_experiments.blocks import blocks_of
         from ac_plant_node import Plant, operating_point
         from ac_plant_node.car import Car
         from fault_injector_node.injector import FaultInjector, components
-        from fdi_node import FaultDetector
-        from gimc_controller_node import Compensator
         from gimc_controller_node.making import make_controller
         from gimc_controller_node.protection import ON_THE_BELT
 
@@ -167,8 +166,7 @@ class _Loop:
         self._reading = np.empty(len(Innovation._fields))
         self._components_of = components
         self._injector = FaultInjector(scenario.noise.std, scenario.noise.seed, scenario.superheat_sensor)
-        self._detector = FaultDetector(designs.fdi)
-        self._compensator = Compensator(designs.compensator, accommodate=accommodate)
+        self._blocks = blocks_of(designs, accommodate)
         self._controller = make_controller(
             designs.controller, scenario.controller_class, ON_THE_BELT if scenario.has_belt else None
         )
@@ -189,18 +187,16 @@ class _Loop:
         """Go around the loop once; return the values of `_MADE`, and with a car those of `CABIN_SERIES`."""
         outputs, air_inlet_c = self._outputs, self._air_inlet_c + self._components[_INLET]
         measured = self._injector.measure(outputs, faults)
-        readings = measured[:3]  # those that the designs use
-        found = self._detector.observe(time_s, readings, air_inlet_c)
-        wanted = tuple(reference.tolist())
-        q = self._compensator.step(found.innovation, found.isolated, found.also_isolated, wanted)
+        found, q = self._blocks.step(time_s, measured, (air_inlet_c, self._condenser_inlet_c), reference)
         reading = self._reading
-        reading[0], reading[1], reading[2] = readings
+        reading[0], reading[1], reading[2] = measured[:3]
         if car:
             self._controller.drive(CarSide(*car).belt_speed)
-        command = self._controller.step(reference, reading, q)
-        self._detector.commanded(command)
-        if self._compensator.does != self._does[COMPENSATOR]:
-            self._announce(time_s, COMPENSATOR, self._compensator.does)
+        air_c = air_inlet_c if self._blocks.bounds_references else None
+        command = self._controller.step(reference, reading, q, air_c)
+        self._blocks.commanded(command)
+        if (does := self._blocks.does) != self._does[COMPENSATOR]:
+            self._announce(time_s, COMPENSATOR, does)
         if self._controller.does != self._does[CONTROLLER]:
             self._announce(time_s, CONTROLLER, self._controller.does)
         commanded = command.tolist()

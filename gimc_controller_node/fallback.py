@@ -8,6 +8,7 @@ from ac_common.safe_command import towards
 from gimc_controller_node.controller import Command, Vector
 from gimc_controller_node.limited_controller import LimitedController
 from gimc_controller_node.protection import IDLE, Protection, ProtectionLimits, protect
+from gimc_controller_node.reference_limits import ReferenceLimits
 
 GIMC, K0_ALONE, SAFE = "", "no q: K0 alone", "no measurement: going to the safe command"
 
@@ -25,8 +26,8 @@ class FallbackController:
     ----------
     protection : Protection
         The caps on the command at present that keep the plant within these limits.
-    is_reference_raised : bool
-        Whether a reference is lower than the protection lets the plant be asked for, and the bound is used instead.
+    bound : str
+        Which bounds of the references are used instead of what is wanted, in words; empty: none.
     mode : str
         What it does at present: `GIMC` (all is there), `K0_ALONE` (q is missing; the last one fades out), or `SAFE`
         (a measurement or a reference is missing).
@@ -36,10 +37,8 @@ class FallbackController:
         self._controller = controller
         self._limits = limits or ProtectionLimits()
         self.protection: Protection = IDLE
-        pressure, superheat = self._limits.lowest_reference.tolist()
-        self._lowest = (pressure, superheat)
-        self._raised = f"reference too low: raised to {pressure / 1e3:g} kPa, {superheat:g} K at least"
-        self.is_reference_raised = False
+        self._references = ReferenceLimits(self._limits, controller.design.approach_k)
+        self.bound = ""
         self._command = controller.design.command_rest.copy()
         self._safe = controller.design.command_rest
         self._sample_time_s = controller.design.sample_time_s
@@ -50,12 +49,14 @@ class FallbackController:
         self._controller.warm_restart(command, measured, reference)
         self._command = np.array(command, dtype=np.float64)
 
-    def step(self, reference: Vector, measured: Vector, q: Vector | None) -> Command:
-        """Return the command of a tick with references and measurements; q None when there is none."""
+    def step(
+        self, reference: Vector, measured: Vector, q: Vector | None, air_inlet_temperature_c: float | None = None
+    ) -> Command:
+        """Return the command of a tick with references and measurements; what may be None is missing."""
         wanted_pressure, wanted_superheat = reference.tolist()
-        self.is_reference_raised = wanted_pressure < self._lowest[0] or wanted_superheat < self._lowest[1]
-        if self.is_reference_raised:
-            reference = np.maximum(reference, self._lowest)
+        *within, self.bound = self._references.bounded(wanted_pressure, wanted_superheat, air_inlet_temperature_c)
+        if self.bound:
+            reference = np.array(within)
         pressure, superheat, *_ = measured.tolist()
         speed, opening = self._command.tolist()
         protection = protect(
@@ -76,10 +77,9 @@ class FallbackController:
     @property
     def does(self) -> str:
         """All that is out of the ordinary at present, in words; empty when nothing is."""
-        if not self.mode and not self.is_reference_raised and self.protection is IDLE:
+        if not self.mode and not self.bound and self.protection is IDLE:
             return ""
-        raised = self._raised if self.is_reference_raised else ""
-        return "; ".join(text for text in (self.mode, raised, self.protection.reason) if text)
+        return "; ".join(text for text in (self.mode, self.bound, self.protection.reason) if text)
 
     def on_missed_inputs(self) -> Command:
         """Return the command of a tick that lacks measurements or references: a stride nearer to the safe command."""

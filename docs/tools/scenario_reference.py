@@ -47,6 +47,7 @@ MEANING = {
     "sensors": "3: p_e, superheat and the wall thermocouple; 2: without the thermocouple, K0 alone (`passive: true`); "
     "a list says the same by name, and p_c besides: it is recorded, but the linear designs do not use it",
     "superheat_sensor": "direct: superheat is measured; derived: from an outlet thermocouple and the measured pressure",
+    "design": "designs of the operating point after the paper, or one for the whole envelope with the same structure",
     "controller": "tracking: K0 holds both references; paper: K0 after the paper's passive case, which leaves SH "
     "alone; a class of yours: see [your own controller](how-to/own-controller.md)",
     "references": "references of the controller; its protection raises those below 175 kPa or 8 K to that value",

@@ -1,0 +1,102 @@
+"""The design of observer and decision over the whole envelope: nothing in it depends on an operating point."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from ac_common.errors import UserError
+from ac_common.sample_time import LONGEST_SAMPLE_TIME_S, SHORTEST_SAMPLE_TIME_S
+from ac_plant_node import POINTS, load_parameters, operating_point
+from ac_plant_node.dynamics.drive import held_inputs
+from ac_plant_node.inputs import N_INPUTS
+from ac_plant_node.properties.tables import REFRIGERANTS
+from fdi_node.envelope import EnvelopeDesign, Limits
+from fdi_node.envelope.unknowns import PARAMETERS, UNKNOWNS
+
+SENSORS = ("p_e", "superheat", "T_w", "p_c")
+"""Readings that the observer can use; the first two it must."""
+AirFlowSensor = Literal["none", "blower"]
+
+_STATE_NOISE = 0.1 * np.array([1e-5, 5.0, 20.0, 0.003, 0.002, 0.0, 50.0, 2e-4, 20.0, 0.003, 0.002, 0.002])
+
+
+@dataclass(frozen=True)
+class EnvelopeWeights:
+    """What the observer is told about noise.
+
+    Attributes
+    ----------
+    reading_std : tuple of float
+        Of p_e [Pa], SH [K], T_w [K], p_c [Pa].
+    state_noise : tuple of float
+        Intensities of the process noise of the integration vector, per sqrt(s).
+    rate_share : float
+        By what share of its own rate a state may go elsewhere, for about a second.
+    limits : Limits
+        Of the decision.
+    """
+
+    reading_std: tuple[float, ...] = (200.0, 0.1, 0.05, 2000.0)
+    state_noise: tuple[float, ...] = tuple(_STATE_NOISE.tolist())
+    rate_share: float = 0.03
+    limits: Limits = field(default_factory=Limits)
+
+
+def design_envelope_fdi(
+    sample_time_s: float,
+    sensors: Sequence[str] = SENSORS,
+    air_flow_sensor: AirFlowSensor = "none",
+    estimate_parameters: bool = False,
+    weights: EnvelopeWeights | None = None,
+) -> EnvelopeDesign:
+    """Return observer and decision over the whole envelope.
+
+    Parameters
+    ----------
+    sample_time_s : float
+        0.01 to 0.1 s.
+    sensors : sequence of str
+        Out of `SENSORS`, with "p_e" and "superheat" among them. Without "p_c" the condenser's air flow is taken as
+        known, the parameters' own.
+    air_flow_sensor : "none" or "blower"
+        "blower": the air flow through the evaporator is told at every tick.
+    estimate_parameters : bool
+        Whether the plant's uncertain parameters are estimated, too.
+    weights : EnvelopeWeights, optional
+
+    Raises
+    ------
+    UserError
+        For a sample time out of range, or sensors or an air-flow sensor that there are not.
+    """
+    if not (math.isfinite(sample_time_s) and SHORTEST_SAMPLE_TIME_S <= sample_time_s <= LONGEST_SAMPLE_TIME_S):
+        allowed = f"{SHORTEST_SAMPLE_TIME_S:g} to {LONGEST_SAMPLE_TIME_S:g} s"
+        raise UserError(f"sample time {sample_time_s:g} s: designs exist for {allowed}")
+    if not set(sensors) <= set(SENSORS) or not {"p_e", "superheat"} <= set(sensors):
+        raise UserError(f"sensors {', '.join(sensors)}: allowed are p_e, superheat and any of {', '.join(SENSORS[2:])}")
+    if air_flow_sensor not in ("none", "blower"):
+        raise UserError(f"air_flow_sensor {air_flow_sensor!r}: allowed are none and blower")
+    weights = weights or EnvelopeWeights()
+    parameters, rests = load_parameters(), [operating_point(name) for name in POINTS]
+    known = {"evaporator_air_flow"} if air_flow_sensor == "blower" else set()
+    if "p_c" not in sensors:
+        known |= {"condenser_air_flow"}
+    unknowns = UNKNOWNS + (PARAMETERS if estimate_parameters else ())
+    return EnvelopeDesign(
+        parameters=parameters.array.copy(),
+        refrigerant=float(REFRIGERANTS.index(parameters.refrigerant)),
+        start_states=np.array([rest.conserved for rest in rests]),
+        start_inputs=np.array([held_inputs(rest.inputs, parameters)[:N_INPUTS] for rest in rests]),
+        start_outputs=np.array([rest.outputs for rest in rests]),
+        used=np.array([float(name in sensors) for name in SENSORS]),
+        reading_std=np.array(weights.reading_std),
+        state_noise=np.array(weights.state_noise),
+        rate_share=weights.rate_share,
+        first=np.array([0.0 if one.name in known else one.first for one in unknowns]),
+        drift=np.array([0.0 if one.name in known else one.drift for one in unknowns]),
+        limits=np.array(astuple(weights.limits)),
+        sample_time_s=sample_time_s,
+    )

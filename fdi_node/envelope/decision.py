@@ -1,0 +1,324 @@
+"""What is concluded from the likelihoods of jumps, the estimates, and whether the innovations are consistent.
+
+At every tick there are explanations of what has been seen: a jump of one unknown. Each has a likelihood ratio to
+"nothing has jumped" (`fdi_node.envelope.jumps`).
+
+- An explanation is accepted when its ratio is high enough and for long enough ahead of that of every other one. The
+  estimate is then moved as it says.
+- Jumps of the air flows are no fault. Of a fault that has a name, the name is isolated; the others are "unknown". So is
+  what no explanation is ahead of for `undecided_s`, what leaves the innovations inconsistent for so long, and a fault
+  larger than one with that name can be.
+- A named fault is isolated without a jump, too, when its estimate has wandered beyond its threshold.
+- A fault is over when its estimate has been next to nothing for `clear_s`, an unknown one when there has been
+  nothing to explain for so long.
+
+A second fault that is isolated does not end the first. "Unknown" hides both: which of them is there is then in doubt.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ac_common.faults import UNKNOWN
+from ac_common.units import KPA, RPM
+from ac_plant_node.dynamics.balances import N_STATES
+from fdi_node.envelope import filter as kalman
+from fdi_node.envelope import jumps
+from fdi_node.envelope.memory import LARGEST, NIS, TICKS, Rules, memory_of
+from fdi_node.envelope.unknowns import NATURAL, Unknown
+
+NOT = math.inf
+"""Time since when something holds that does not hold."""
+NAMED = 2
+"""The first so many unknowns are the faults of `ac_common.faults.ISOLABLE`."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Numbers of the decision.
+
+    Attributes
+    ----------
+    natural, likely, likely_unknown, plain, certain : float
+        Likelihood ratios (twice the logarithm) above which an air flow has jumped; a named fault is detected and,
+        if it is ahead, isolated; one without a name is; a fault is isolated soon; it is certain that something is.
+    ahead, ahead_natural, ahead_share : float
+        An explanation is ahead of another by the first, a jump of an air flow by the second; or by this share of its
+        own ratio if that is more, because the model is linearised.
+    common_bonus : float
+        What the ratio of a named fault or an air flow counts more against those of the others, which are rarer.
+    hold_s, hold_unsure_s : float
+        How long a named fault whose ratio is above `plain`, and any other one, must be ahead.
+    undecided_s, unclear_s : float
+        How long an explanation is waited for when ratios are above `certain`, and when not.
+    clear_s, settle_s : float
+        How long a fault must be gone to be over; for how long after the start nothing is concluded.
+    sigmas : float
+        Thresholds of the named faults' estimates, in standard deviations of the filter,
+    floor_rad_s, floor_pa : float
+        and what is added to these.
+    wander_s : float
+        How long an estimate must be beyond its threshold.
+    inconsistent, consistent : float
+        Mean square of the white innovations above which they are inconsistent, and below which they are not.
+    lowest_rad_s, highest_rad_s, largest_pa : float
+        What a named fault can be.
+    """
+
+    natural: float = 25.0
+    likely: float = 36.0
+    likely_unknown: float = 100.0
+    plain: float = 300.0
+    certain: float = 1000.0
+    ahead: float = 10.0
+    ahead_natural: float = 4.0
+    ahead_share: float = 0.02
+    common_bonus: float = 15.0
+    hold_s: float = 0.4
+    hold_unsure_s: float = 2.0
+    undecided_s: float = 10.0
+    unclear_s: float = 90.0
+    clear_s: float = 20.0
+    settle_s: float = 20.0
+    sigmas: float = 5.0
+    floor_rad_s: float = 1.5 * RPM
+    floor_pa: float = 0.1 * KPA
+    wander_s: float = 2.0
+    inconsistent: float = 4.0
+    consistent: float = 2.0
+    lowest_rad_s: float = -100.0 * RPM
+    highest_rad_s: float = 150.0 * RPM
+    largest_pa: float = 20.0 * KPA
+
+
+class Conclusion(NamedTuple):
+    """The last fields of `fdi_node.detector.Detection`, in their order."""
+
+    thresholds: tuple[float, ...]
+    detected: bool
+    isolated: str | None
+    size: float
+    onset_s: float
+    isolated_s: float
+    also_isolated: str | None
+
+
+@dataclass
+class Isolated:
+    """A fault that is isolated: position of its unknown (-1: none), name, times, since when it is small."""
+
+    unknown: int
+    name: str
+    onset_s: float
+    isolated_s: float
+    small_since: float = NOT
+
+
+@dataclass
+class Since:
+    """Since when conditions hold; `NOT` while they do not.
+
+    Attributes
+    ----------
+    likely : something has probably jumped.
+    ahead : the explanation `leader` is ahead of the others.
+    inconsistent : the innovations are.
+    beyond_n, beyond_p : the estimate of the fault is beyond its threshold.
+    """
+
+    likely: float = NOT
+    ahead: float = NOT
+    leader: int = -1
+    inconsistent: float = NOT
+    beyond_n: float = NOT
+    beyond_p: float = NOT
+
+
+class EnvelopeDecision:
+    """The decision on the memory of an observer.
+
+    Parameters
+    ----------
+    limits : Limits
+    unknowns : tuple of Unknown
+    flat : ndarray
+        The observer's memory; accepted jumps move its estimate.
+    rules : Rules
+        The observer's; the random walk of an isolated fault is made faster in it.
+    """
+
+    def __init__(self, limits: Limits, unknowns: tuple[Unknown, ...], flat: NDArray[np.float64], rules: Rules) -> None:
+        self.limits, self._unknowns, self._flat, self._rules = limits, unknowns, flat, rules
+        self._memory = memory_of(flat, len(unknowns), len(rules.jumping))
+        self._h, self._quiet_q = float(rules.constants[0]), rules.Q.copy()
+        self._reported = [unknowns[int(i)].reported for i in rules.jumping]
+        self.isolated: list[Isolated] = []
+        self.since = Since()
+
+    def step(self, time_s: float) -> Conclusion:
+        """Conclude from what the observer says at this tick."""
+        limits, m = self.limits, self._memory
+        thresholds = (
+            limits.sigmas * self._deviation(0) + limits.floor_rad_s,
+            limits.sigmas * self._deviation(1) + limits.floor_pa,
+        )
+        if m.scalars[TICKS] * self._h > limits.settle_s:
+            self._explain(time_s)
+            self._look_at_estimates(time_s, thresholds)
+            self._look_at_consistency(time_s)
+        if self.isolated:
+            self._end(time_s)
+        return self._conclude(thresholds)
+
+    def _deviation(self, unknown: int) -> float:
+        """Return the standard deviation of an unknown in its unit."""
+        at = N_STATES + unknown
+        return math.sqrt(max(float(self._memory.P[at, at]), 0.0)) * self._unknowns[unknown].scale
+
+    def _conclude(self, thresholds: tuple[float, ...]) -> Conclusion:
+        if not self.isolated:
+            onset_s = self.since.likely
+            detected = onset_s < NOT
+            return Conclusion(thresholds, detected, None, math.nan, onset_s if detected else math.nan, math.nan, None)
+        for one in self.isolated:
+            if one.name == UNKNOWN:
+                return Conclusion(thresholds, True, UNKNOWN, math.nan, one.onset_s, one.isolated_s, None)
+        last, also = self.isolated[-1], self.isolated[0].name if len(self.isolated) > 1 else None
+        size = float(self._memory.x[last.unknown])
+        return Conclusion(thresholds, True, last.name, size, last.onset_s, last.isolated_s, also)
+
+    def _explain(self, time_s: float) -> None:
+        """Accept the explanation that is ahead of the others."""
+        limits, since = self.limits, self.since
+        here = float(self._memory.scalars[LARGEST])
+        if here < limits.natural:
+            since.likely = since.ahead = NOT
+            return
+        ratios = [
+            ratio + limits.common_bonus * (reported != UNKNOWN)
+            for ratio, reported in zip(self._memory.ratios.tolist(), self._reported, strict=True)
+        ]
+        best = max(ratios)
+        top = ratios.index(best)
+        lead = best - max(ratios[:top] + ratios[top + 1 :])
+        is_ahead = lead > max(limits.ahead, limits.ahead_share * best)
+        reported = self._reported[top]
+        if reported == NATURAL and lead > limits.ahead_natural:
+            self._accept(top)
+            return
+        if here < limits.likely or (reported == UNKNOWN and here < limits.likely_unknown):
+            since.likely = since.ahead = NOT
+            return
+        if since.likely == NOT:
+            since.likely = time_s
+        if not is_ahead:
+            since.ahead = NOT
+        elif top != since.leader or since.ahead == NOT:
+            since.leader, since.ahead = top, time_s
+        onset_s = time_s - float(self._memory.age[int(self._memory.best[top])]) * self._h
+        hold_s = limits.hold_s if here > limits.plain and reported != UNKNOWN else limits.hold_unsure_s
+        if time_s - since.ahead >= hold_s - 1.0e-9:
+            stuck = self._rules.prior[top] < 0.0
+            self._accept(top)
+            self._add(-1 if stuck else int(self._rules.jumping[top]), reported, onset_s, time_s)
+        elif time_s - since.likely >= (limits.undecided_s if here > limits.certain else limits.unclear_s):
+            self._add(-1, UNKNOWN, onset_s, time_s)
+
+    def _accept(self, top: int) -> None:
+        kalman.accept_jump(self._flat, self._rules, top)
+        self.since.likely = self.since.ahead = NOT
+
+    def _add(self, unknown: int, name: str, onset_s: float, time_s: float) -> None:
+        """Isolate a fault, unless it is already."""
+        for one in self.isolated:
+            if (one.unknown, one.name) == (unknown, name):
+                one.small_since = NOT
+                return
+        self.isolated.append(Isolated(unknown, name, onset_s, time_s))
+        self._set_drifts()
+
+    def _set_drifts(self) -> None:
+        """Let the estimates of the isolated faults follow them, and those of the others rest."""
+        self._rules.Q[:] = self._quiet_q
+        for one in self.isolated:
+            if one.unknown >= 0:
+                row = self._unknowns[one.unknown]
+                self._rules.Q[N_STATES + one.unknown] = (row.drift_after / row.scale) ** 2
+
+    def _look_at_estimates(self, time_s: float, thresholds: tuple[float, ...]) -> None:
+        limits, since = self.limits, self.since
+        known = [one.unknown for one in self.isolated]
+        for i, name in enumerate(("beyond_n", "beyond_p")):
+            value = float(self._memory.x[i])
+            if abs(value) <= thresholds[i]:
+                setattr(since, name, NOT)
+                continue
+            began = min(getattr(since, name), time_s)
+            setattr(since, name, began)
+            if time_s - began < limits.wander_s:
+                continue
+            if i not in known:
+                self._add(i, self._reported[i], began, time_s)
+            low, high = ((limits.lowest_rad_s, limits.highest_rad_s), (-limits.largest_pa, limits.largest_pa))[i]
+            if not low <= value <= high:
+                self._add(-1, UNKNOWN, began, time_s)
+
+    def _look_at_consistency(self, time_s: float) -> None:
+        since = self.since
+        if self._memory.scalars[NIS] < self.limits.inconsistent:
+            since.inconsistent = NOT
+            return
+        since.inconsistent = min(since.inconsistent, time_s)
+        if time_s - since.inconsistent >= self.limits.undecided_s:
+            self._add(-1, UNKNOWN, since.inconsistent, time_s)
+
+    def _is_small(self, unknown: int) -> bool:
+        if unknown < 0:
+            return self.since.likely == NOT and float(self._memory.scalars[NIS]) < self.limits.consistent
+        value = abs(float(self._memory.x[unknown]))
+        if unknown < NAMED:
+            floor = (self.limits.floor_rad_s, self.limits.floor_pa)[unknown]
+            return value < 0.5 * floor + 2.0 * self._deviation(unknown)
+        return value < 0.3 * self._unknowns[unknown].scale + 2.0 * self._deviation(unknown)
+
+    def _end(self, time_s: float) -> None:
+        """Forget the faults that are over."""
+        for one in list(self.isolated):
+            if not self._is_small(one.unknown):
+                one.small_since = NOT
+                continue
+            one.small_since = min(one.small_since, time_s)
+            if time_s - one.small_since >= self.limits.clear_s:
+                self.isolated.remove(one)
+                self._set_drifts()
+                if one.unknown >= 0:
+                    row = self._unknowns[one.unknown]
+                    kalman.settle(self._flat, self._rules, one.unknown, (row.first / row.scale) ** 2)
+
+    def restart(self) -> None:
+        """Go over a gap: what seemed likely before it is looked for anew."""
+        self.since = Since()
+        jumps.begin_all(self._memory, self._rules)
+
+    def state(self) -> dict[str, Any]:
+        """Return what a decision that takes this one's place has to know, fit for JSON (inf included)."""
+        return {"isolated": [asdict(one) for one in self.isolated], "since": asdict(self.since)}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Take the place of the decision whose `state` this is.
+
+        Raises
+        ------
+        KeyError, TypeError, ValueError
+            When it is none.
+        """
+        isolated = [Isolated(**one) for one in state["isolated"]]
+        since = Since(**state["since"])
+        if any(not -1 <= int(one.unknown) < len(self._unknowns) for one in isolated):
+            raise ValueError("an isolated fault that is none of the unknowns")
+        self.isolated, self.since = isolated, since
+        self._set_drifts()

@@ -1,0 +1,289 @@
+"""The observer: an extended Kalman filter on the compiled plant.
+
+State z = [x, u]: the plant's twelve and the unknowns u, random walks. Each tick
+
+    f_e = y - g(z^)                     innovation of the nonlinear plant
+    z^ <- z^ + K f_e                    reading by reading, K from the covariance P
+    z^ <- plant over one tick           the compiled model itself;  P <- F P F' + Q
+
+F and C are central differences, as far apart as the filter's own standard deviations say: a kink of the plant (a zone
+that ends, a flow that reverses) then counts as far as the estimate is uncertain. They are renewed once a second, and
+when the plant has moved on.
+
+What makes it sturdy: the process noise has a part that grows with the state's own rate, for a model is right within a
+share of what it says; where the superheated zone is about to end, SH and T_w and what they depend on are trusted less;
+a reading that is absurdly far off does not correct the estimate for a while (the decision has the time to say why); and
+a correction that leads outside the model's domain is taken back.
+"""
+
+import numpy as np
+
+from ac_plant_node.dynamics import integrator
+from ac_plant_node.dynamics.balances import N_STATES, REGIME_E, X
+from ac_plant_node.dynamics.drive import OPENING, SPEED
+from ac_plant_node.dynamics.workspace import CHARGE, views
+from ac_plant_node.parameters.values import INDEX
+from ac_plant_node.properties.tables import Tables
+from fdi_node.envelope import jumps
+from fdi_node.envelope.compiled import Array, jit
+from fdi_node.envelope.memory import (
+    AGE,
+    DOUBT,
+    GATED,
+    LOST,
+    NIS,
+    OPENING_THEN,
+    SPEED_THEN,
+    TICKS,
+    ZETA_THEN,
+    Memory,
+    Rules,
+    memory_of,
+)
+from fdi_node.envelope.model import (
+    ENERGY,
+    HIGHEST,
+    LOWEST,
+    N_READINGS,
+    PLACE,
+    POSITION,
+    READING,
+    READING_SCALE,
+    SCALE,
+    STATE_SCALE,
+    apply,
+    is_charge,
+    linearise,
+)
+from fdi_node.envelope.transition import transition
+
+STEP_SHARE = 0.05
+"""Half the distance of the Jacobian's differences, in standard deviations of the filter,"""
+LEAST_STEP, KNOWN_STEP = 1.0e-7, 1.0e-3
+"""but at least the first, and the second for an unknown that is known; in units of the scales."""
+GATE, GATED_S = 8.0, 2.0
+"""A reading this many standard deviations off does not correct the estimate, for at most so long."""
+NIS_S, MOST = 5.0, 25.0
+"""Time constant of the mean of the squares of the white innovations, each cut at the second number."""
+SHORT_ZONE = 0.12
+"""Length of the superheated zone below which the readings of it are trusted less,"""
+SHORT_R = np.array([0.0, 1.0, 9.0, 0.0])
+"""by these variances in K^2 of SH and T_w,"""
+SHORT_Q = np.array([0.0, 50.0, 3.0e3, 0.1, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]) ** 2 / STATE_SCALE**2
+"""and intensities of noise of U_e, h_e2, T_ew, D_e."""
+MOVED_ZETA, MOVED_SPEED, MOVED_OPENING, REST = 0.03, 0.2, 0.05, 2
+"""Changes of zone length, speed (logarithm) and opening that renew the Jacobian, after this many ticks at least."""
+MOST_SD = 10.0
+"""Largest standard deviation, in units of the scales."""
+
+_CHARGE = INDEX["charge_kg"]
+
+
+@jit
+def _renew_when_due(m: Memory, rules: Rules, told: Array, tab: Tables) -> None:
+    """Renew Jacobians and transition when the plant has moved on, or they are old."""
+    k, scalars, n = views(m.work), m.scalars, m.P.shape[0]
+    zeta, speed = k.aux[X], max(told[SPEED], 1.0)
+    moved = abs(zeta - scalars[ZETA_THEN]) > MOVED_ZETA or abs(told[OPENING] - scalars[OPENING_THEN]) > MOVED_OPENING
+    moved = moved or abs(np.log(speed / max(scalars[SPEED_THEN], 1.0))) > MOVED_SPEED
+    if scalars[TICKS] == 0.0 or scalars[AGE] >= rules.constants[1] or (moved and scalars[AGE] >= REST):
+        step = np.empty(n)
+        for i in range(n):
+            step[i] = max(STEP_SHARE * np.sqrt(max(m.P[i, i], 0.0)), LEAST_STEP)
+            if i >= N_STATES and m.P[i, i] < KNOWN_STEP**2:
+                step[i] = KNOWN_STEP
+        linearise(k, m.x, rules.rows, told, rules.nominal, m.par, tab, step, m.A, m.C)
+        transition(m.A, rules.constants[0], m.F)
+        scalars[AGE], scalars[ZETA_THEN], scalars[SPEED_THEN], scalars[OPENING_THEN] = 0.0, zeta, speed, told[OPENING]
+    scalars[AGE] += 1.0
+    scalars[DOUBT] = 1.0 if k.aux[REGIME_E] != 0.0 else max(0.0, 1.0 - (1.0 - zeta) / SHORT_ZONE)
+
+
+@jit
+def _innovate(m: Memory, rules: Rules, reading: Array) -> None:
+    """Work out innovations, C P and the innovations' standard deviations before this tick's correction."""
+    n = m.P.shape[0]
+    for r in range(N_READINGS):
+        m.e[r] = (reading[r] - m.out[r]) / READING_SCALE[r]
+    for i in range(m.x.shape[0]):
+        if int(rules.rows[i, PLACE]) == READING:
+            at = int(rules.rows[i, POSITION])
+            m.e[at] -= m.x[i] / READING_SCALE[at]
+    for r in range(N_READINGS):
+        K = m.PC[r]
+        for i in range(n):
+            K[i] = 0.0
+        if not rules.R[r] < np.inf:
+            m.e[r], m.s[r] = 0.0, 1.0
+            continue
+        for j in range(n):
+            c = m.C[r, j]
+            if c != 0.0:
+                for i in range(n):
+                    K[i] += c * m.P[j, i]
+        s = rules.R[r] + m.scalars[DOUBT] ** 2 * SHORT_R[r]
+        for i in range(n):
+            s += m.C[r, i] * K[i]
+        m.s[r] = np.sqrt(s)
+
+
+@jit
+def _correct(m: Memory, rules: Rules, dz: Array) -> None:
+    """Work out the correction `dz` (n,), the covariance after it, and what the jumps' windows learn."""
+    n, P = m.P.shape[0], m.P
+    may_gate, gated, total, readings = m.scalars[GATED] * rules.constants[0] < GATED_S, False, 0.0, 0.0
+    for i in range(n):
+        dz[i] = 0.0
+    for r in range(N_READINGS):
+        m.white[r] = 0.0
+        if not rules.R[r] < np.inf:
+            continue
+        C, K, e = m.C[r], m.PC[r], m.e[r]
+        s = rules.R[r] + m.scalars[DOUBT] ** 2 * SHORT_R[r]
+        for i in range(n):
+            s += C[i] * K[i]
+            e -= C[i] * dz[i]
+        m.white[r] = e / np.sqrt(s)
+        total += min(m.white[r] ** 2, MOST)
+        readings += 1.0
+        gain = 1.0
+        if may_gate and abs(m.white[r]) > GATE:
+            gated, gain = True, 0.0
+        jumps.follow(m, C, K, e, s, gain)
+        if gain == 0.0:
+            continue
+        for i in range(n):
+            f = K[i] / s
+            dz[i] += f * e
+            if f != 0.0:
+                for j in range(n):
+                    P[i, j] -= f * K[j]
+        for later in range(r + 1, N_READINGS):
+            f = 0.0
+            for i in range(n):
+                f += m.C[later, i] * K[i]
+            for i in range(n):
+                m.PC[later, i] -= f / s * K[i]
+    m.scalars[GATED] = m.scalars[GATED] + 1.0 if gated else max(m.scalars[GATED] - 0.1, 0.0)
+    m.scalars[NIS] += (total / readings - m.scalars[NIS]) * rules.constants[0] / NIS_S
+
+
+@jit
+def _move(m: Memory, rules: Rules, dz: Array) -> None:
+    """Move the estimate by `dz` (n,), in units of the scales; unknowns stay within their limits."""
+    k = views(m.work)
+    for i in range(N_STATES):
+        if i != ENERGY:
+            k.y[i] += dz[i] * STATE_SCALE[i]
+    for i in range(m.x.shape[0]):
+        was, row = m.x[i], rules.rows[i]
+        m.x[i] = min(max(was + dz[N_STATES + i] * row[SCALE], row[LOWEST]), row[HIGHEST])
+        if is_charge(rules.rows, i):
+            k.memory[CHARGE] += rules.nominal[_CHARGE] * (m.x[i] - was)
+    k.held[0] = np.nan  # the integration begins anew
+
+
+@jit
+def observe(flat: Array, rules: Rules, reading: Array, told: Array, tab: Tables) -> None:
+    """Take the readings of a tick.
+
+    Parameters
+    ----------
+    flat : array
+        The memory, from `fdi_node.envelope.memory.new_memory`.
+    rules : Rules
+    reading : (4,) array
+        p_e Pa, SH K, T_w degC, p_c Pa.
+    told : (N_HELD,) array
+        What the plant was driven by up to now, as commanded and measured.
+    tab : Tables
+    """
+    m = memory_of(flat, rules.rows.shape[0], rules.jumping.shape[0])
+    k = views(m.work)
+    dz = np.empty(m.P.shape[0])
+    _renew_when_due(m, rules, told, tab)
+    _innovate(m, rules, reading)
+    jumps.begin_due(m, rules, int(m.scalars[TICKS]))
+    m.scalars[TICKS] += 1.0
+    _correct(m, rules, dz)
+    for i in range(N_STATES):
+        m.before[i] = k.y[i]
+    _move(m, rules, dz)
+    jumps.judge(m, rules)
+
+
+@jit
+def predict(flat: Array, rules: Rules, told: Array, tab: Tables) -> int:
+    """Go on to the next tick with the plant driven by `told`; 0, or 1 when the state cannot be continued."""
+    m = memory_of(flat, rules.rows.shape[0], rules.jumping.shape[0])
+    k, h, n = views(m.work), rules.constants[0], m.P.shape[0]
+    apply(m.x, rules.rows, told, rules.nominal, m.par, m.held)
+    for i in range(N_STATES):
+        m.now[i] = k.y[i]
+    k.held[0] = np.nan
+    status = integrator.run(m.work, m.par, tab, m.held, h, m.out)
+    if status != 0:
+        m.scalars[LOST] += 1.0
+        for i in range(N_STATES):
+            k.y[i] = m.now[i] = m.before[i]
+        k.held[0] = np.nan
+        status = integrator.run(m.work, m.par, tab, m.held, h, m.out)
+    _propagate_covariance(m, rules, n)
+    jumps.propagate(m, rules, told[OPENING])
+    return status
+
+
+@jit
+def _propagate_covariance(m: Memory, rules: Rules, n: int) -> None:
+    """P <- F P F' + Q, no standard deviation above `MOST_SD`."""
+    P, F, h, y = m.P, m.F, rules.constants[0], views(m.work).y
+    M, FT, D = np.zeros((N_STATES, n)), np.zeros((n, N_STATES)), np.zeros(N_STATES)
+    for i in range(N_STATES):
+        for k in range(n):
+            f = F[i, k]
+            FT[k, i] = f
+            if f != 0.0:
+                for j in range(n):
+                    M[i, j] += f * P[k, j]
+    for i in range(N_STATES):
+        for j in range(N_STATES):
+            D[j] = 0.0
+        for k in range(n):
+            f = M[i, k]
+            for j in range(N_STATES):
+                D[j] += f * FT[k, j]
+        for j in range(i + 1):
+            P[i, j] = P[j, i] = D[j]
+        for j in range(N_STATES, n):
+            P[i, j] = P[j, i] = M[i, j]
+    for i in range(n):
+        P[i, i] += rules.Q[i] * h
+        if i < N_STATES and i != ENERGY:
+            rate = rules.constants[2] * (y[i] - m.now[i]) / (STATE_SCALE[i] * h)
+            P[i, i] += (rate * rate + m.scalars[DOUBT] ** 2 * SHORT_Q[i]) * h
+        if P[i, i] > MOST_SD**2:
+            f = MOST_SD / np.sqrt(P[i, i])
+            for j in range(n):
+                P[i, j] *= f
+                P[j, i] *= f
+
+
+@jit
+def accept_jump(flat: Array, rules: Rules, h: int) -> None:
+    """Take it that the h-th of those that may jump has jumped, as the likeliest window says; between two ticks."""
+    m = memory_of(flat, rules.rows.shape[0], rules.jumping.shape[0])
+    dz = np.zeros(m.P.shape[0])
+    jumps.accept(m, rules, h, dz)
+    _move(m, rules, dz)
+
+
+@jit
+def settle(flat: Array, rules: Rules, unknown: int, variance: float) -> None:
+    """Take it that an unknown is zero, with this variance in units of its scale, whatever the filter knew of it."""
+    m = memory_of(flat, rules.rows.shape[0], rules.jumping.shape[0])
+    at = N_STATES + unknown
+    m.x[unknown] = 0.0
+    for j in range(m.P.shape[0]):
+        m.P[at, j] = m.P[j, at] = 0.0
+    m.P[at, at] = variance
+    jumps.begin_all(m, rules)

@@ -1,0 +1,161 @@
+"""Likelihoods of jumps in what the observer estimates.
+
+Generalised likelihood ratios of Willsky & Jones (IEEE TAC 21(1), 1976, 108); the sensitivities are those of the bias
+filter in Friedland (IEEE TAC 14(4), 1969, 359). Had unknown h jumped by v when a window began, the filter's error would
+be V_h v more and its innovation G_h v with G = C V, both by the filter's own recursion:
+
+    V <- V - K G,  V <- F V;    S <- S + G^2 / s,  d <- d + G f_e / s     (s: variance of f_e)
+
+so ``d_h^2 / S_h`` is twice the log-likelihood ratio of "h has jumped" to "nothing has", and ``d_h / S_h`` its size.
+What jumps has a prior variance, which adds its inverse to S. A valve that is stuck has no size to be found: its opening
+is off by what the command has done since, and the ratio is ``2 d - S``.
+"""
+
+import numpy as np
+
+from ac_plant_node.dynamics.balances import N_STATES
+from ac_plant_node.dynamics.drive import OPENING
+from fdi_node.envelope.compiled import Array, jit
+from fdi_node.envelope.memory import LARGEST, N_WINDOWS, Memory, Rules
+from fdi_node.envelope.model import SCALE
+
+SHORTEST_S, LONGEST_S = 1, 64
+"""Window w is SHORTEST_S 2^w seconds long, and begins when another one is half full."""
+TELLING, SPEAKING = 20.0, 36.0
+"""A window whose largest ratio is beyond the first is kept for up to LONGEST_S; what startles does not begin the last
+window anew when its ratio is beyond the second."""
+STARTLING = 6.0
+"""An innovation of this many standard deviations begins the last window."""
+LINEARISED = 0.2
+"""What linearisation may leave of a jump in the estimate, as a share of it."""
+
+
+@jit
+def begin(m: Memory, rules: Rules, window: int) -> None:
+    """Begin a window anew: what jumps would do so now."""
+    q = rules.jumping.shape[0]
+    for h in range(q):
+        at = window * q + h
+        for i in range(m.V.shape[0]):
+            m.V[i, at] = 0.0
+        if rules.prior[h] >= 0.0:
+            m.V[N_STATES + int(rules.jumping[h]), at] = 1.0
+        m.S[at] = m.d[at] = 0.0
+    m.age[window] = m.telling[window] = 0.0
+    m.opening[window] = m.held[OPENING]
+
+
+@jit
+def begin_all(m: Memory, rules: Rules) -> None:
+    """Begin all windows anew."""
+    for window in range(N_WINDOWS):
+        begin(m, rules, window)
+
+
+@jit
+def begin_due(m: Memory, rules: Rules, tick: int) -> None:
+    """Begin the windows whose turn it is, and the last one when an innovation startles."""
+    per_second = round(1.0 / rules.constants[0])
+    half, rest = divmod(tick, per_second * SHORTEST_S // 2)
+    if rest == 0:
+        for window in range(N_WINDOWS - 1):
+            kept = m.telling[window] > TELLING and m.age[window] < LONGEST_S * per_second
+            if half % 2 ** (window + 1) == 2**window and not kept:
+                begin(m, rules, window)
+    last, startled = N_WINDOWS - 1, False
+    for r in range(m.e.shape[0]):
+        startled = startled or abs(m.e[r]) > STARTLING * m.s[r]
+    if startled and m.age[last] > per_second and m.telling[last] <= SPEAKING:
+        begin(m, rules, last)
+    for window in range(N_WINDOWS):
+        m.age[window] += 1.0
+
+
+@jit
+def follow(m: Memory, C: Array, K: Array, e: float, s: float, gain: float) -> None:
+    """Take one reading: its row C (n,), K = P C' before it, innovation e of variance s; gain 1, or 0 if not used."""
+    n, w = m.V.shape
+    G = np.zeros(w)
+    for i in range(n):
+        c = C[i]
+        if c != 0.0:
+            for j in range(w):
+                G[j] += c * m.V[i, j]
+    for j in range(w):
+        m.S[j] += G[j] * G[j] / s
+        m.d[j] += G[j] * e / s
+    if gain == 0.0:
+        return
+    for i in range(n):
+        f = K[i] / s
+        if f != 0.0:
+            for j in range(w):
+                m.V[i, j] -= f * G[j]
+
+
+@jit
+def propagate(m: Memory, rules: Rules, opening: float) -> None:
+    """Go on to the next tick: V <- F V; `opening`: the valve's, as commanded."""
+    n, w = m.V.shape
+    q = rules.jumping.shape[0]
+    for h in range(q):
+        if rules.prior[h] < 0.0:
+            at = int(rules.jumping[h])
+            for window in range(N_WINDOWS):
+                m.V[N_STATES + at, window * q + h] = (m.opening[window] - opening) / rules.rows[at, SCALE]
+    D = np.zeros((N_STATES, w))
+    for i in range(N_STATES):
+        for k in range(n):
+            f = m.F[i, k]
+            if f != 0.0:
+                for j in range(w):
+                    D[i, j] += f * m.V[k, j]
+    for i in range(N_STATES):
+        for j in range(w):
+            m.V[i, j] = D[i, j]
+
+
+@jit
+def judge(m: Memory, rules: Rules) -> None:
+    """Find for each jump the window in which it is the likeliest, and its ratio there."""
+    q = rules.jumping.shape[0]
+    m.scalars[LARGEST] = -np.inf
+    for h in range(q):
+        m.ratios[h] = -np.inf
+    for window in range(N_WINDOWS):
+        m.telling[window] = -np.inf
+        for h in range(q):
+            ratio = _ratio(m, rules, window * q + h, h)
+            m.telling[window] = max(m.telling[window], ratio)
+            if ratio > m.ratios[h]:
+                m.ratios[h], m.best[h] = ratio, window
+        m.scalars[LARGEST] = max(m.scalars[LARGEST], m.telling[window])
+
+
+@jit
+def _ratio(m: Memory, rules: Rules, at: int, h: int) -> float:
+    if rules.prior[h] < 0.0:
+        return float(2.0 * m.d[at] - m.S[at])
+    return float(m.d[at] * m.d[at] / (m.S[at] + rules.prior[h]))
+
+
+@jit
+def accept(m: Memory, rules: Rules, h: int, dz: Array) -> None:
+    """Work out how far the estimate is off, `dz` (n,), when the h-th that may jump has done so; begin all windows anew.
+
+    P grows by V S^-1 V', as if its variance had been infinite when the window began, and by what linearisation may have
+    left out.
+    """
+    n = m.P.shape[0]
+    at = int(m.best[h]) * rules.jumping.shape[0] + h
+    for i in range(n):
+        dz[i] = 0.0
+    if rules.prior[h] >= 0.0:
+        total = m.S[at] + rules.prior[h]
+        for i in range(n):
+            dz[i] = m.V[i, at] * m.d[at] / total
+            for j in range(n):
+                m.P[i, j] += m.V[i, at] * m.V[j, at] / total
+        for i in range(n):
+            m.P[i, i] += (LINEARISED * dz[i]) ** 2
+    begin_all(m, rules)

@@ -1,0 +1,120 @@
+"""The memory of the observer: its layout in one flat array, and what a design says of the filter."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ac_plant_node.dynamics.balances import N_STATES
+from ac_plant_node.dynamics.workspace import N_WORK
+from ac_plant_node.inputs import N_HELD
+from ac_plant_node.parameters.values import NAMES
+from fdi_node.envelope.compiled import Array, jit
+from fdi_node.envelope.model import N_READINGS
+
+N_WINDOWS = 8
+"""Windows in which jumps are looked for; the last is for those that startle."""
+
+TICKS, LOST, AGE, ZETA_THEN, SPEED_THEN, OPENING_THEN, DOUBT, NIS, GATED, LARGEST = range(10)
+"""Scalars: ticks observed; corrections that led outside the model's domain and were taken back; ticks since the last
+Jacobian, and zone length, speed, opening there; how short the superheated zone is (0..1); mean square of the white
+innovations; ticks for which readings have been gated; largest ratio of all jumps in all windows."""
+N_SCALARS = 10
+
+
+class Rules(NamedTuple):
+    """What a design says of the filter; n = 12 + m.
+
+    `rows` (m, 5): the unknowns; `Q` (n,): intensities of the process noise per second; `R` (4,): variances of the
+    readings, inf for one that is not used, both in units of the scales; `jumping` (q,): positions of the unknowns that
+    may jump; `prior` (q,): inverse variances of their sizes, -1 for a valve that is stuck; `nominal`: the plant's
+    parameters; `constants` (3,): sample time, ticks between two Jacobians, share by which the model's rates may be off.
+    """
+
+    rows: Array
+    Q: Array
+    R: Array
+    jumping: Array
+    prior: Array
+    nominal: Array
+    constants: Array
+
+
+class Memory(NamedTuple):
+    """All that the observer remembers, and room to work: views into one array.
+
+    `work`: of the integration; `scalars`; `x` (m,): unknowns; `out` (4,): predicted outputs; `before`, `now` (12,):
+    integration vector before the last correction and after it; `par`, `held`: the plant's, unknowns included; `e`, `s`
+    (4,): innovations and their standard deviations; `white` (4,): innovations of the readings one after the other over
+    theirs; `P` (n, n), `A`, `F` (12, n), `C`, `PC` (4, n): covariance, Jacobian, transition, Jacobian of the readings,
+    C P, all in units of the scales; `V` (n, w q), `S`, `d` (w q,): of the jumps in w windows, as in `jumps`; `age`,
+    `telling`, `opening` (w,): a window's ticks, its largest ratio, the valve's opening when it began; `ratios`,
+    `best` (q,): of each jump the largest ratio, and its window.
+    """
+
+    work: Array
+    scalars: Array
+    x: Array
+    out: Array
+    before: Array
+    now: Array
+    par: Array
+    held: Array
+    e: Array
+    s: Array
+    white: Array
+    P: Array
+    A: Array
+    F: Array
+    C: Array
+    PC: Array
+    V: Array
+    S: Array
+    d: Array
+    age: Array
+    telling: Array
+    opening: Array
+    ratios: Array
+    best: Array
+
+
+@jit
+def memory_of(flat: Array, m: int, q: int) -> Memory:
+    """Return the parts of the array of an observer with m unknowns of which q may jump."""
+    n, w = N_STATES + m, N_WINDOWS
+    a = N_WORK
+    b = a + N_SCALARS
+    c = b + m
+    e = c + N_READINGS
+    f = e + N_STATES
+    g = f + N_STATES
+    h = g + N_PARAMETERS
+    i = h + N_HELD
+    j = i + N_READINGS
+    k = j + N_READINGS
+    o = k + N_READINGS
+    p = o + n * n
+    r = p + N_STATES * n
+    s = r + N_STATES * n
+    t = s + N_READINGS * n
+    u = t + N_READINGS * n
+    v = u + n * w * q
+    x = v + w * q
+    y = x + w * q
+    z = y + w
+    return Memory(
+        flat[:a], flat[a:b], flat[b:c], flat[c:e], flat[e:f], flat[f:g], flat[g:h], flat[h:i], flat[i:j], flat[j:k],
+        flat[k:o], flat[o:p].reshape(n, n), flat[p:r].reshape(N_STATES, n), flat[r:s].reshape(N_STATES, n),
+        flat[s:t].reshape(N_READINGS, n), flat[t:u].reshape(N_READINGS, n), flat[u:v].reshape(n, w * q), flat[v:x],
+        flat[x:y], flat[y:z], flat[z : z + w], flat[z + w : z + 2 * w], flat[z + 2 * w : z + 2 * w + q],
+        flat[z + 2 * w + q : z + 2 * w + 2 * q],
+    )  # fmt: skip
+
+
+N_PARAMETERS = len(NAMES)
+
+
+def new_memory(m: int, q: int) -> Array:
+    """Return the array of an observer with m unknowns of which q may jump, all zero."""
+    n, w = N_STATES + m, N_WINDOWS
+    small = N_WORK + N_SCALARS + m + 2 * N_STATES + N_PARAMETERS + N_HELD + 4 * N_READINGS
+    return np.zeros(small + n * n + 2 * (N_STATES + N_READINGS) * n + n * w * q + 2 * w * q + 3 * w + 2 * q)

@@ -1,0 +1,176 @@
+"""The plant as the observer sees it: driven by what is told and by the unknowns, with Jacobians by differences."""
+
+import numpy as np
+
+from ac_plant_node.dynamics.balances import (
+    N_STATES,
+    P_C,
+    P_E,
+    SUPERHEAT,
+    WALL_E2,
+    balances,
+    condenser_zones,
+    evaporator_zones,
+)
+from ac_plant_node.dynamics.drive import set_drive
+from ac_plant_node.dynamics.transfer import flows
+from ac_plant_node.dynamics.workspace import CHARGE, ERROR_SCALE, Work
+from ac_plant_node.inputs import HELD_HIGH, HELD_LOW, N_HELD
+from ac_plant_node.parameters.values import INDEX
+from ac_plant_node.properties.tables import Tables
+from fdi_node.envelope.compiled import Array, jit
+
+N_READINGS = 4
+READING_SCALE = np.array([1.0e3, 1.0, 1.0, 1.0e4])
+"""Sizes of p_e, SH, T_w, p_c, for numbers without units."""
+STATE_SCALE = ERROR_SCALE
+"""Sizes of the integration vector's components."""
+ENERGY = 5
+"""The component of the integration vector that is an integral of heat, and no state."""
+
+FACTOR, ADDED, READING, PARAMETER = range(4)  # as `fdi_node.envelope.unknowns.Place`
+PLACE, POSITION, SCALE, LOWEST, HIGHEST = range(5)  # columns of `fdi_node.envelope.unknowns.table`
+_CHARGE = INDEX["charge_kg"]
+
+
+@jit
+def apply(x: Array, rows: Array, told: Array, nominal: Array, par: Array, held: Array) -> None:
+    """Work out what the plant is driven by, `held` (N_HELD,), and its parameters `par`.
+
+    Parameters
+    ----------
+    x : (m,) array
+        The unknowns.
+    rows : (m, 5) array
+        From `fdi_node.envelope.unknowns.table`.
+    told : (N_HELD,) array
+        The plant's inputs as commanded and measured.
+    nominal : array
+        The design's parameters.
+    """
+    for i in range(N_HELD):
+        held[i] = told[i]
+    for i in range(par.shape[0]):
+        par[i] = nominal[i]
+    for i in range(rows.shape[0]):
+        place, at = int(rows[i, PLACE]), int(rows[i, POSITION])
+        if place == FACTOR:
+            held[at] *= np.exp(x[i])
+        elif place == ADDED:
+            held[at] += x[i]
+        elif place == PARAMETER and at >= 0:
+            par[at] *= np.exp(x[i])
+    for i in range(N_HELD):
+        held[i] = min(max(held[i], HELD_LOW[i]), HELD_HIGH[i])
+
+
+@jit
+def is_charge(rows: Array, i: int) -> bool:
+    """Whether unknown i is the share of charge that the plant has beyond what the design says."""
+    return int(rows[i, PLACE]) == PARAMETER and int(rows[i, POSITION]) < 0
+
+
+@jit
+def _drive(k: Work, x: Array, rows: Array, told: Array, nominal: Array, par: Array) -> None:
+    """Set what the rates are driven by."""
+    apply(x, rows, told, nominal, par, k.held)
+    set_drive(k.held, par, k.drive)
+
+
+@jit
+def _outputs(k: Work, out: Array) -> None:
+    out[0], out[1], out[2], out[3] = k.aux[P_E], k.aux[SUPERHEAT], k.aux[WALL_E2] - 273.15, k.aux[P_C]
+
+
+@jit
+def _rates(k: Work, s: Array, par: Array, tab: Tables, dy: Array, out: Array) -> int:
+    """Rates and outputs at the integration state `s`, with zones solved from the present pressures; 0 or 1 as `rhs`."""
+    ev, suction, failed_e = evaporator_zones(s, par, tab, k.guess[0])
+    co, failed_c = condenser_zones(s, k.drive, suction, par, tab, k.guess[1])
+    balances(s, k.drive, par, ev, suction, co, flows(ev, co, suction, s[8], k.drive, par, tab), k.z, dy, k.aux)
+    _outputs(k, out)
+    return max(failed_e, failed_c)
+
+
+@jit
+def linearise(
+    k: Work,
+    x: Array,
+    rows: Array,
+    told: Array,
+    nominal: Array,
+    par: Array,
+    tab: Tables,
+    step: Array,
+    A: Array,
+    C: Array,
+) -> None:
+    """Work out the Jacobians of rates and outputs at the present state, in units of the scales, by central differences.
+
+    A column whose differences leave the property tables is zero. Zones and mass flows are not worked out again for wall
+    temperatures, on which they do not depend.
+
+    Parameters
+    ----------
+    k : Work
+        Of the observer's integration; its state is kept, its drive is not: the integration has to begin anew.
+    x, rows, told, nominal, par
+        As `apply`.
+    tab : Tables
+    step : (12 + m,) array
+        Half the distance of the differences, in units of the scales.
+    A, C : (12, 12 + m) and (4, 12 + m) arrays
+        Results: rates per second, readings.
+    """
+    m = rows.shape[0]
+    up, down, s = np.zeros(N_STATES), np.zeros(N_STATES), k.s
+    out_up, out_down, moved = np.zeros(N_READINGS), np.zeros(N_READINGS), np.zeros(m)
+    charge = k.memory[CHARGE]
+    A[:, :] = 0.0
+    C[:, :] = 0.0
+    _drive(k, x, rows, told, nominal, par)
+    for i in range(N_STATES):
+        s[i] = k.y[i]
+    s[ENERGY] = charge - s[0]
+    ev, suction, _ = evaporator_zones(s, par, tab, k.guess[0])
+    co, _ = condenser_zones(s, k.drive, suction, par, tab, k.guess[1])
+    flow = flows(ev, co, suction, s[8], k.drive, par, tab)
+    for j in range(N_STATES + m):
+        if j == ENERGY:
+            continue
+        u = j - N_STATES
+        scale = STATE_SCALE[j] if u < 0 else rows[u, SCALE]
+        if u >= 0 and int(rows[u, PLACE]) == READING:
+            at = int(rows[u, POSITION])
+            C[at, j] = scale / READING_SCALE[at]
+            continue
+        failed = 0
+        for sign in range(2):
+            d = step[j] * scale if sign == 0 else -step[j] * scale
+            dy, out = (up, out_up) if sign == 0 else (down, out_down)
+            if u < 0:
+                s[j] = k.y[j] + d
+                s[ENERGY] = charge - s[0]
+            elif is_charge(rows, u):
+                s[ENERGY] = charge + nominal[_CHARGE] * d - s[0]
+            else:
+                for i in range(m):
+                    moved[i] = x[i]
+                moved[u] += d
+                _drive(k, moved, rows, told, nominal, par)
+            if j == 3 or j == 4 or (9 <= j < N_STATES):
+                balances(s, k.drive, par, ev, suction, co, flow, k.z, dy, k.aux)
+                _outputs(k, out)
+            else:
+                failed += _rates(k, s, par, tab, dy, out)
+        if u < 0:
+            s[j] = k.y[j]
+        s[ENERGY] = charge - s[0]
+        if u >= 0:
+            _drive(k, x, rows, told, nominal, par)
+        if failed == 0:
+            for i in range(N_STATES):
+                A[i, j] = (up[i] - down[i]) / (2.0 * step[j] * STATE_SCALE[i]) if i != ENERGY else 0.0
+            for i in range(N_READINGS):
+                C[i, j] = (out_up[i] - out_down[i]) / (2.0 * step[j] * READING_SCALE[i])
+    k.held[0] = np.nan

@@ -1,0 +1,121 @@
+"""What is estimated beside the plant's states: one table of faults, air flows, and what looks like a fault.
+
+Each unknown acts at one place of the model: on one of the plant's inputs, on one reading, or on a parameter. Its row
+says how fast it may wander, how uncertain it is when the observer begins, and whether the decision may explain what is
+seen by a jump of it. A further unknown is a further row.
+"""
+
+import math
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ac_common.faults import ISOLABLE_KINDS, UNKNOWN
+from ac_common.units import KPA, RPM
+from ac_plant_node.inputs import INPUT
+from ac_plant_node.parameters.values import INDEX
+
+
+class Place(IntEnum):
+    """Where an unknown acts."""
+
+    FACTOR = 0
+    """an input of the plant is ``exp(value)`` times what it is taken for"""
+    ADDED = 1
+    """it is added to an input of the plant"""
+    READING = 2
+    """it is added to a reading: p_e, SH, T_w, p_c"""
+    PARAMETER = 3
+    """a parameter of the plant is ``exp(value)`` times what the design says; position -1: the charge"""
+
+
+class Unknown(NamedTuple):
+    """One unknown.
+
+    Attributes
+    ----------
+    name : str
+    place : Place
+    position : int
+        Of the input, reading or parameter.
+    scale : float
+        Its size, for covariances without units; its unit is that of what it acts on (1 for a factor).
+    first : float
+        Standard deviation when the observer begins.
+    drift : float
+        Intensity of its random walk, per sqrt(s).
+    limits : tuple of float
+        What it can be.
+    jump : float
+        Standard deviation of its jumps, or `STUCK`.
+    reported : str
+        What a jump of it is isolated as; `NATURAL`: nothing, jumps of it are no fault; empty: no jump is looked for.
+    drift_after : float
+        Intensity of its random walk once its fault is isolated.
+    """
+
+    name: str
+    place: Place
+    position: int
+    scale: float
+    first: float
+    drift: float
+    limits: tuple[float, float]
+    jump: float = 0.0
+    reported: str = ""
+    drift_after: float = 0.0
+
+
+NATURAL = "natural"
+STUCK = 0.0
+"""In place of the size of a jump: since it, the input has stayed where it was."""
+
+_SPEED, _PRESSURE = ISOLABLE_KINDS
+_ANY = (-math.inf, math.inf)
+_N = INPUT["compressor_speed"]
+_AIR, _FAN, _AIR_C = (INPUT[name] for name in ("air_mass_flow", "condenser_air_mass_flow", "air_inlet_temperature"))
+
+UNKNOWNS = (
+    Unknown(
+        _SPEED,
+        Place.ADDED,
+        INPUT["compressor_speed"],
+        40.0 * RPM,
+        0.3 * RPM,
+        0.01 * RPM,
+        _ANY,
+        80.0 * RPM,
+        _SPEED,
+        0.3 * RPM,
+    ),
+    Unknown(_PRESSURE, Place.READING, 0, KPA, 0.02 * KPA, 5.0e-4 * KPA, _ANY, 10.0 * KPA, _PRESSURE, 0.02 * KPA),
+    Unknown("evaporator_air_flow", Place.FACTOR, _AIR, 0.1, 0.1, 0.02, (-1.5, 1.0), 0.4, NATURAL),
+    Unknown("condenser_air_flow", Place.FACTOR, _FAN, 0.1, 0.1, 0.06, (-1.6, 1.0), 0.4, NATURAL),
+    Unknown("superheat_sensor", Place.READING, 1, 1.0, 0.0, 0.0, _ANY, 5.0, UNKNOWN, 0.01),
+    Unknown("wall_temperature_sensor", Place.READING, 2, 1.0, 0.0, 0.0, _ANY, 5.0, UNKNOWN, 0.01),
+    Unknown("condenser_pressure_sensor", Place.READING, 3, 10.0 * KPA, 0.0, 0.0, _ANY, 50.0 * KPA, UNKNOWN, 0.1 * KPA),
+    Unknown("air_inlet_sensor", Place.ADDED, _AIR_C, 1.0, 0.0, 0.0, _ANY, 5.0, UNKNOWN, 0.01),
+    Unknown("valve_stuck", Place.ADDED, INPUT["valve_opening"], 0.01, 0.0, 0.0, _ANY, STUCK, UNKNOWN),
+)
+"""The faults of `ac_common.faults.ISOLABLE` first, in their order; both air flows; and other faults that must not be
+taken for these."""
+
+_PARAMETERS = (
+    ("charge_kg", 0.05), ("evaporator_air_ua_w_k", 0.05), ("evaporator_two_phase_w_m2k", 0.10),
+    ("evaporator_superheated_w_m2k", 0.10), ("condenser_air_ua_w_k", 0.05), ("displacement_m3_rev", 0.02),
+    ("valve_discharge_coefficient", 0.03), ("isentropic_efficiency", 0.04),
+)  # fmt: skip
+
+PARAMETERS = tuple(
+    Unknown(name, Place.PARAMETER, -1 if name == "charge_kg" else INDEX[name], sigma, sigma, 0.0, _ANY)
+    for name, sigma in _PARAMETERS
+)
+"""Parameters of the plant that may be off, with the standard deviation of each: constants."""
+
+
+def table(unknowns: tuple[Unknown, ...]) -> NDArray[np.float64]:
+    """Return the rows as the compiled code takes them, (m, 5): place, position, scale, lowest, highest."""
+    rows = [(u.place, u.position, u.scale, max(u.limits[0], -1.0e9), min(u.limits[1], 1.0e9)) for u in unknowns]
+    return np.array(rows, dtype=np.float64)

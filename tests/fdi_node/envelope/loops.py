@@ -1,0 +1,47 @@
+"""A plant with noisy sensors, its commands held, in front of an envelope detector."""
+
+from collections.abc import Iterator
+from functools import cache
+
+import numpy as np
+
+from ac_design.envelope import design_envelope_fdi
+from ac_plant_node import Plant, operating_point
+from fdi_node.detector import Detection
+from fdi_node.envelope import EnvelopeDesign, EnvelopeDetector
+
+H = 0.1
+NOISE = np.array([200.0, 0.1, 0.05, 2000.0])
+
+
+@cache
+def design(**options: object) -> EnvelopeDesign:
+    return design_envelope_fdi(H, **options)  # type: ignore[arg-type]
+
+
+class Loop:
+    """Plant at an operating point, inputs held unless told otherwise."""
+
+    def __init__(self, point: str = "med", seed: int = 0, **options: object) -> None:
+        self.detector = EnvelopeDetector(design(**options))
+        self.plant = Plant.at(point)
+        self.inputs = self.plant.inputs.copy()
+        self.command = operating_point(point).inputs[:2].copy()
+        self.tick = 0
+        self._noise = np.random.default_rng(seed)
+
+    def step(self, speed_fault: float = 0.0, reading_fault: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)) -> Detection:
+        o = self.plant.outputs
+        outputs = (o.evaporator_pressure_pa, o.superheat_k, o.wall_temperature_c, o.condenser_pressure_pa)
+        reading = np.array(outputs) + self._noise.normal(size=4) * NOISE + reading_fault
+        said = self.detector.observe(self.tick * H, reading, float(self.inputs[3]), float(self.inputs[5]))
+        self.detector.commanded(self.command)
+        self.inputs[:2] = self.command
+        self.inputs[0] += speed_fault
+        self.plant.step(self.inputs, H)
+        self.tick += 1
+        return said
+
+    def run(self, seconds: float, **faults: object) -> Iterator[Detection]:
+        for _ in range(round(seconds / H)):
+            yield self.step(**faults)  # type: ignore[arg-type]

@@ -1,0 +1,109 @@
+"""The decision on likelihoods that are made up."""
+
+import math
+
+import numpy as np
+import pytest
+
+from fdi_node.envelope import EnvelopeDetector, Limits
+from fdi_node.envelope.memory import LARGEST, NIS, TICKS
+from fdi_node.envelope.unknowns import UNKNOWNS
+from tests.fdi_node.envelope.loops import design
+
+NAMES = [one.name for one in UNKNOWNS]
+PLAIN = Limits().plain
+
+
+class Story:
+    """A detector whose likelihoods are told."""
+
+    def __init__(self) -> None:
+        self.detector = EnvelopeDetector(design())
+        at = self.detector.design.start_outputs[1]
+        self.detector.observe(0.0, at, 30.0, 30.0)
+        self.m, self.decision, self.time_s = self.detector.memory, self.detector._decision, 100.0
+        self.m.scalars[TICKS] = 1000.0
+
+    def tell(self, seconds: float, nis: float = 1.0, **ratios: float) -> tuple[bool, str | None]:
+        """Conclude while these ratios last; a jump that has been accepted has nothing left to explain."""
+        for _ in range(round(seconds / 0.1)):
+            self.m.scalars[NIS] = nis
+            accepted = len(self.decision.isolated)
+            self.m.ratios[:] = 0.0
+            for name, ratio in ratios.items():
+                self.m.ratios[NAMES.index(name)] = ratio
+            self.m.scalars[LARGEST] = self.m.ratios.max()
+            said = self.decision.step(self.time_s)
+            self.time_s += 0.1
+            if len(self.decision.isolated) > accepted:
+                ratios = {}
+        return said.detected, said.isolated
+
+
+def test_nothing_to_explain_is_no_fault() -> None:
+    assert Story().tell(10.0, compressor_speed=Limits().natural - 1.0) == (False, None)
+
+
+@pytest.mark.parametrize("kind", ["compressor_speed", "evaporator_pressure"])
+def test_a_plain_fault_is_isolated_soon_and_a_small_one_later(kind: str) -> None:
+    assert Story().tell(Limits().hold_s + 0.2, **{kind: PLAIN + 100.0}) == (True, kind)
+    assert Story().tell(Limits().hold_s + 0.2, **{kind: 50.0}) == (True, None)
+    assert Story().tell(Limits().hold_unsure_s + 0.2, **{kind: 50.0}) == (True, kind)
+
+
+def test_two_that_explain_it_as_well_are_waited_for_and_then_unknown() -> None:
+    story, both = Story(), {"compressor_speed": 2000.0, "evaporator_pressure": 1995.0}
+    assert story.tell(Limits().undecided_s - 0.2, **both) == (True, None)
+    assert story.tell(0.5, **both) == (True, "unknown")
+
+
+def test_a_jump_of_an_air_flow_is_no_fault() -> None:
+    story = Story()
+    assert story.tell(1.0, evaporator_air_flow=500.0, compressor_speed=400.0) == (False, None)
+
+
+@pytest.mark.parametrize("name", NAMES[4:])
+def test_what_has_no_name_is_unknown(name: str) -> None:
+    assert Story().tell(Limits().hold_unsure_s + 0.2, **{name: 900.0, "compressor_speed": 500.0}) == (True, "unknown")
+
+
+def test_inconsistent_innovations_are_unknown_and_end_when_they_do() -> None:
+    story = Story()
+    assert story.tell(Limits().undecided_s + 0.2, nis=9.0) == (True, "unknown")
+    assert story.tell(Limits().clear_s - 1.0) == (True, "unknown")
+    assert story.tell(2.0) == (False, None)
+
+
+def test_an_estimate_beyond_its_threshold_is_a_fault_and_one_that_cannot_be_is_unknown() -> None:
+    story = Story()
+    story.m.x[1] = 3.0e3
+    assert story.tell(Limits().wander_s + 0.2) == (True, "evaporator_pressure")
+    story.m.x[1] = 1.1 * Limits().largest_pa
+    assert story.tell(0.2) == (True, "unknown")
+
+
+def test_a_second_fault_does_not_end_the_first_and_both_end_by_themselves() -> None:
+    story = Story()
+    story.tell(1.0, evaporator_pressure=PLAIN + 100.0)
+    story.m.x[1], story.m.P[13, 13] = 5.0e3, 1.0e-3
+    assert story.tell(1.0, compressor_speed=PLAIN + 100.0)[1] == "compressor_speed"
+    story.m.x[0], story.m.P[12, 12] = 4.0, 1.0e-3
+    said = story.decision.step(story.time_s)
+    assert (said.isolated, said.also_isolated) == ("compressor_speed", "evaporator_pressure")
+    assert said.size == pytest.approx(4.0)
+    story.m.x[0] = 0.0
+    assert story.tell(Limits().clear_s + 0.2)[1] == "evaporator_pressure"
+    story.m.x[1] = 0.0
+    assert story.tell(Limits().clear_s + 0.2) == (False, None)
+
+
+def test_thresholds_follow_what_the_filter_knows() -> None:
+    story = Story()
+    before = story.decision.step(story.time_s).thresholds
+    story.m.P[12, 12] *= 4.0
+    after = story.decision.step(story.time_s).thresholds
+    floor = Limits().floor_rad_s
+    assert after[0] - floor == pytest.approx(2.0 * (before[0] - floor))
+    assert after[1] == before[1]
+    assert np.isfinite(before).all()
+    assert math.isnan(story.decision.step(story.time_s).onset_s)
