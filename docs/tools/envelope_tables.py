@@ -1,0 +1,174 @@
+"""Tables of docs/control.md about the whole envelope: random drives, healthy and with faults, K0 alone beside.
+
+    python -m docs.tools.envelope_tables 10000 100            # drives 10000 to 10099, 2 processes
+    python -m docs.tools.envelope_tables 10000 100 --rows rows.json
+
+Each drive (`drive:SEED`) runs without a fault and with each of `FAULTS` from 900 s on, with accommodation and, where it
+is compared, with K0 alone.
+"""
+
+import argparse
+import json
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import beta, chi2
+
+from ac_common.units import KPA, RPM
+from ac_experiments.designs import designs_of
+from ac_experiments.metrics import summarise
+from ac_experiments.recording import Recording
+from ac_experiments.scenario import check, load
+from ac_experiments.simulate import simulate
+
+ONSET_S = 900.0
+#: Name, the fault, whether K0 alone runs beside it.
+FAULTS: dict[str, tuple[dict[str, Any], bool]] = {
+    "40 rpm": ({"kind": "compressor_speed", "size_rpm": 40.0}, True),
+    "5 kPa": ({"kind": "evaporator_pressure", "size_kpa": 5.0}, True),
+    "6 rpm": ({"kind": "compressor_speed", "size_rpm": 6.0}, False),
+    "0.4 kPa": ({"kind": "evaporator_pressure", "size_kpa": 0.4}, False),
+}
+#: Faults that are in no model of the observer.
+UNMODELLED: dict[str, tuple[dict[str, Any], bool]] = {
+    "valve stuck": ({"kind": "valve_stuck"}, True),
+    "SH sensor 3 K": ({"kind": "superheat_sensor", "size_k": 3.0}, True),
+    "T_w sensor 2 K": ({"kind": "wall_temperature_sensor", "size_k": 2.0}, True),
+    "air inlet sensor 2 K": ({"kind": "air_inlet_sensor", "size_k": 2.0}, True),
+}
+
+
+def _errors(run: Recording) -> tuple[np.ndarray, np.ndarray]:
+    """Return the actual errors of p_e, kPa, and SH, K."""
+    series = run.series
+    pressure = (series["plant/evaporator_pressure"] - series["reference/evaporator_pressure"]) / KPA
+    return pressure, series["plant/superheat"] - series["reference/superheat"]
+
+
+def _iae(run: Recording, since_s: float = 0.0) -> list[float]:
+    """Return the integrals of the absolute errors of p_e, kPa s, and SH, K s."""
+    step_s = float(run.time_s[1] - run.time_s[0])
+    return [float(np.abs(error[run.time_s >= since_s]).sum()) * step_s for error in _errors(run)]
+
+
+def _alarms(run: Recording, until_s: float) -> float:
+    """Return for how long something was detected before `until_s`, s."""
+    step_s = float(run.time_s[1] - run.time_s[0])
+    return sum(row.detected for row in run.status if row.time_s < until_s) * step_s
+
+
+def run_drive(seed: int, design: str, faults: dict[str, tuple[dict[str, Any], bool]]) -> dict[str, Any]:
+    """Return the figures of one drive."""
+    base = load(f"drive:{seed}").model_copy(update={"design": design})
+    designs = designs_of(base)
+    healthy, alone = (simulate(base, passive, designs=designs) for passive in (False, True))
+    found = summarise(healthy)
+    row: dict[str, Any] = {
+        "seed": seed,
+        "hours": base.duration_s / 3600.0,
+        "false_alarms": found["false_alarms"],
+        "detected_s": _alarms(healthy, np.inf),
+        "iae": _iae(healthy),
+        "iae_alone": _iae(alone),
+    }
+    for name, (fault, beside) in faults.items():
+        scenario = check({**base.model_dump(mode="json"), "faults": [{**fault, "onset_s": ONSET_S}]})
+        run = simulate(scenario, False, designs=designs)
+        row[name] = _with_fault(run, healthy)
+        if beside:
+            passive = simulate(scenario, True, designs=designs)
+            row[name] |= {"peak_alone": _peak(passive), "iae_alone": _iae(passive, ONSET_S)}
+    return row
+
+
+def _peak(run: Recording) -> float:
+    """Return the largest error of p_e from the onset on, kPa."""
+    return float(np.abs(_errors(run)[0][run.time_s >= ONSET_S]).max())
+
+
+def _with_fault(run: Recording, healthy: Recording) -> dict[str, Any]:
+    summary = summarise(run)
+    (fault,) = summary["faults"]
+    rows = [row for row in run.status if row.time_s >= ONSET_S]
+    first = next((row for row in rows if row.isolated is not None), None)
+    names = sorted({name for row in rows for name in (row.isolated, row.also_isolated) if name})
+    late = run.time_s >= ONSET_S + 60.0
+    after = run.time_s >= ONSET_S
+    off = [np.abs(run.series[key] - healthy.series[key]) for key in ("plant/evaporator_pressure", "plant/superheat")]
+    speed = run.series["controller/command:compressor"] - healthy.series["controller/command:compressor"]
+    return {
+        "kind": fault["kind"],
+        "alarms_before": _alarms(run, ONSET_S),
+        "first": None if first is None else first.isolated,
+        "first_s": None if first is None else first.time_s - ONSET_S,
+        "names": names,
+        "isolated_as": fault["isolated_as"],
+        "wrong_s": 0.1 * sum(row.isolated not in (None, fault["kind"]) for row in rows),
+        "pressure_off": float(off[0][late].max()) / KPA,
+        "superheat_off": float(off[1][late].max()),
+        "speed_change": float(speed[run.time_s >= ONSET_S + 60.0].mean()) / RPM,
+        "peak": _peak(run),
+        "peak_healthy": _peak(healthy),
+        "peak_off": float(off[0][after].max()) / KPA,
+        "iae": _iae(run, ONSET_S),
+    }
+
+
+def _share(good: int, of: int) -> str:
+    """Return a share with its exact 95 % interval (Clopper-Pearson)."""
+    low = beta.ppf(0.025, good, of - good + 1) if good else 0.0
+    return f"{good} of {of} (at least {100.0 * low:.1f} %)"
+
+
+def tables(rows: list[dict[str, Any]], faults: dict[str, tuple[dict[str, Any], bool]]) -> str:
+    """Return the figures of all drives in words."""
+    alarms, hours = sum(row["false_alarms"] for row in rows), sum(row["hours"] for row in rows)
+    most = chi2.ppf(0.975, 2 * alarms + 2) / 2.0 / hours
+    ratio = np.array([np.divide(row["iae"], row["iae_alone"]) for row in rows])
+    lines = [
+        f"healthy: {alarms} false alarms in {hours:.1f} h (at most {most:.3f} an hour, 95 %)",
+        f"IAE with accommodation over K0 alone: p_e {ratio[:, 0].max():.4f}, SH {ratio[:, 1].max():.4f} at most",
+    ]
+    for name, (_, beside) in faults.items():
+        got = [row[name] for row in rows]
+        kind = got[0]["kind"]
+        delays = np.array([g["first_s"] if g["first"] == kind else np.inf for g in got])
+        right = int(np.isfinite(delays).sum())
+        lines.append(f"{name}: isolated rightly first {_share(right, len(got))}, median {np.median(delays):.1f} s, "
+                     f"95 % {np.quantile(delays, 0.95, method='higher'):.1f} s, last {delays.max():.1f} s; within 60 s "
+                     f"{int((delays <= 60.0).sum())}; wrong names {[g['seed'] for g in ()] or sorted({n for g in got for n in g['names']} - {kind})}, "
+                     f"in {sum(g['wrong_s'] > 0 for g in got)} drives; alarms before {sum(g['alarms_before'] > 0 for g in got)}")
+        off = np.array([(g["pressure_off"], g["superheat_off"], g["speed_change"], g["peak"] - g["peak_healthy"], g["peak_off"]) for g in got])
+        lines.append(f"   from 60 s on off healthy: p_e {np.quantile(off[:, 0], 0.95):.2f} (95 %) {off[:, 0].max():.2f} kPa, SH {np.quantile(off[:, 1], .95):.2f} {off[:, 1].max():.2f} K; "
+                     f"speed {off[:, 2].min():.1f} to {off[:, 2].max():.1f} rpm; peak over healthy's {np.quantile(off[:, 3], 0.95):.2f} {off[:, 3].max():.2f} kPa; off healthy {off[:,4].max():.2f}")
+        if beside:
+            worse = [g["peak"] - g["peak_alone"] for g in got]
+            iae = np.array([np.divide(g["iae"], g["iae_alone"]) for g in got])
+            lines.append(f"   peak over K0 alone's at most {max(worse):.2f} kPa ({sum(w > 0.05 for w in worse)} drives above); IAE over K0 alone's p_e median {np.median(iae[:,0]):.2f} most {iae[:, 0].max():.2f}, SH {iae[:, 1].max():.2f}")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Run the drives and print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("first", type=int)
+    parser.add_argument("count", type=int)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--design", default="envelope")
+    parser.add_argument("--unmodelled", action="store_true")
+    parser.add_argument("--rows", type=Path)
+    given = parser.parse_args()
+    faults = UNMODELLED if given.unmodelled else FAULTS
+    seeds = range(given.first, given.first + given.count)
+    with ProcessPoolExecutor(given.jobs) as pool:
+        rows = list(pool.map(partial(run_drive, design=given.design, faults=faults), seeds))
+    if given.rows:
+        given.rows.write_text(json.dumps(rows))
+    print(tables(rows, faults))
+
+
+if __name__ == "__main__":
+    main()
