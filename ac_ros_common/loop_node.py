@@ -41,6 +41,7 @@ from ac_ros_common.checkpoint import CheckpointFile
 from ac_ros_common.exit_watchdog import exit_within
 from ac_ros_common.health_publisher import Health, HealthPublisher
 from ac_ros_common.inputs import Gate
+from ac_ros_common.installation import begin_node, left_aside, program_name
 from ac_ros_common.messages import message_class
 from ac_ros_common.parameters import COMMON, Parameter
 from ac_ros_common.process_exit import DISK_FULL, end_with_parent, leave
@@ -315,6 +316,7 @@ def run_node(make: Callable[[], LoopNode]) -> NoReturn:
 
     The exit code is 0 after SIGINT and SIGTERM, 1 when the node failed, 2 after bad input.
     """
+    begin_node()
     one_blas_thread()
     end_with_parent()
     made: list[LoopNode] = []
@@ -334,6 +336,8 @@ def run_node(make: Callable[[], LoopNode]) -> NoReturn:
 def _run(make: Callable[[], LoopNode], made: list[LoopNode]) -> int:
     node = None
     try:
+        if told := left_aside():
+            print(f"{program_name()}: {told}", file=sys.stderr, flush=True)
         init()
         node = make()
         made.append(node)
@@ -353,10 +357,10 @@ def _run(make: Callable[[], LoopNode], made: list[LoopNode]) -> int:
             return 0  # told to end in the middle of a call into the middleware
         return _report(node, problem)
     except (InvalidParameterValueException, InvalidParameterTypeException, ParameterException) as problem:
-        print(f"{_program()}: {_one_line(problem)}", file=sys.stderr, flush=True)
+        print(f"{program_name()}: {_one_line(problem)}", file=sys.stderr, flush=True)
         return BAD_INPUT
     except ArgumentError as problem:
-        print(f"{_program()}: {problem}", file=sys.stderr, flush=True)
+        print(f"{program_name()}: {problem}", file=sys.stderr, flush=True)
         return BAD_INPUT
     except Exception as problem:
         return _report(node, problem)
@@ -367,7 +371,7 @@ def _report(node: LoopNode | None, problem: Exception) -> int:
     try:
         if not isinstance(problem, ValueError):
             traceback.print_exc()
-        print(f"{node.get_name() if node else _program()}: {_one_line(problem)}", file=sys.stderr, flush=True)
+        print(f"{node.get_name() if node else program_name()}: {_one_line(problem)}", file=sys.stderr, flush=True)
     except OSError:  # the log is on the disk that is full; what could not be said must not be tried again at exit
         sys.stderr = Path(os.devnull).open("w")  # noqa: SIM115
     return DISK_FULL if isinstance(problem, OSError) and problem.errno == errno.ENOSPC else 1
@@ -375,10 +379,6 @@ def _report(node: LoopNode | None, problem: Exception) -> int:
 
 def _nothing(message: Any) -> None:
     """Stand in as the callback of a subscription from which `Subscriptions` takes."""
-
-
-def _program() -> str:
-    return sys.argv[0].rsplit("/", 2)[-2 if sys.argv[0].endswith("__main__.py") else -1]
 
 
 def _one_line(problem: BaseException) -> str:

@@ -16,6 +16,7 @@ import click
 
 from ac_common.blas_threads import one_blas_thread
 from ac_common.errors import UserError, nearest, one_line
+from ac_ros_common.installation import check_environment, left_aside, use_own_ros
 from bringup.commands.options import examples
 
 #: Names the plant's parameter file; the same as `PLANT_VARIABLE` of `ac_plant_node`, which is heavy to import.
@@ -33,6 +34,8 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "Plant and designs": ("equilibria", "calibrate", "design", "reproduce"),
     "This machine": ("bench", "campaign", "completion"),
 }
+#: Those that look at ROS, whose settings must be right for them.
+WITH_ROS = ("run", "replay", "dash", "topics", "bench", "campaign")
 
 
 class CommandGroup(click.Group):
@@ -57,6 +60,10 @@ class CommandGroup(click.Group):
         if name not in known and not name.startswith("-"):
             msg = f"unknown command {name!r}{nearest(name, known)} allowed: {', '.join(known)}"
             raise click.UsageError(msg, ctx)
+        if name in WITH_ROS:
+            check_environment()
+            if told := left_aside():
+                click.echo(f"acftc: {told}", err=True)
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -127,6 +134,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def entry() -> None:
     """Run the command line as a program."""
+    use_own_ros()
     one_blas_thread()
     try:
         main()

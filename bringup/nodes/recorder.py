@@ -1,5 +1,10 @@
 """Node `recorder`: every message of the loop, as it came over the wire, into a bag."""
 
+from ac_ros_common.installation import begin_node
+
+if __name__ == "__main__":
+    begin_node()
+
 import json
 import sys
 import time

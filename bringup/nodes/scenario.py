@@ -4,6 +4,11 @@ References and air follow the scenario and, on top of it, live: set the paramete
 while the loop runs; a change takes ``ramp_s``.
 """
 
+from ac_ros_common.installation import begin_node
+
+if __name__ == "__main__":
+    begin_node()
+
 import json
 import sys
 from collections.abc import Sequence
