@@ -8,6 +8,7 @@ import errno
 import gc
 import math
 import os
+import signal
 import sys
 import traceback
 from collections.abc import Callable, Mapping, Sequence
@@ -321,6 +322,8 @@ def run_node(make: Callable[[], LoopNode]) -> NoReturn:
     end_with_parent()
     made: list[LoopNode] = []
     code = _run(make, made)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)  # it is ending: a second one must not cut that off
     for node in made:
         try:
             node.stopped()

@@ -35,6 +35,7 @@ class GraphAudit:
         topics: Collection[Topic] = TOPICS,
     ) -> None:
         self._node, self._names, self._users, self._health, self._topics = node, names, users, health, topics
+        self._seen: object = None
 
     def is_connected(self, name: str) -> bool:
         """Whether every output of a node has the subscribers that this graph holds, on top of anybody else's."""
@@ -58,6 +59,15 @@ class GraphAudit:
             for topic in self._topics
             if topic.publisher == name and topic.subscribers
         )
+
+    def has_changed(self) -> bool:
+        """Whether a node, or a publisher of the loop's topics, has come or gone since the last call; quickly told."""
+        before, count = self._seen, self._node.count_publishers
+        self._seen = (
+            sorted(self._node.get_node_names_and_namespaces()),
+            [count(f"{NAMESPACE}/{topic.name}") for topic in (*TOPICS, *OCCASIONAL)],
+        )
+        return self._seen != before
 
     def unexpected(self, restarted: Collection[str]) -> list[str]:
         """Return, in a line each, nodes and endpoints that do not belong to this graph.

@@ -27,7 +27,9 @@ from bringup.launch.user_nodes import UserNodes
 
 #: How often the processes are looked at while nothing comes in, s.
 LOOK_S = 0.05
-#: How often the graph is searched for what does not belong there, and bringup reports when it has something to, s.
+#: How often the graph is looked at for what does not belong there, s.
+GRAPH_PERIOD_S = 0.1
+#: How often it is searched though nothing in it has come or gone, and bringup reports when it has something to, s.
 REPORT_PERIOD_S = 0.5
 
 Revive = Callable[[str, dict[str, Any]], Child]
@@ -72,7 +74,7 @@ class Supervisor:
         self._silence = Silence(time.monotonic())
         self._changed: dict[str, dict[str, Any]] = {}  # parameters that were set while nodes ran
         self._is_running = False
-        self._looked_s = 0.0
+        self._looked_s = self._searched_s = 0.0
         self.unexpected: list[str] = []  # what is in the graph and does not belong there
         self.health = Reports()
         # The middleware reads its settings from this process's environment.
@@ -179,9 +181,11 @@ class Supervisor:
         self._end_what_hangs(now_s)
         for name in self._restarts.take_due(now_s):
             self._start_again(name)
-        if self._is_running and now_s - self._looked_s >= REPORT_PERIOD_S:
+        if self._is_running and now_s - self._looked_s >= GRAPH_PERIOD_S:
             self._looked_s = now_s
-            self._look_for_unexpected()
+            if self._audit.has_changed() or now_s - self._searched_s >= REPORT_PERIOD_S:
+                self._searched_s = now_s
+                self._look_for_unexpected()
 
     # -- details ------------------------------------------------------------------------------------------------
 
