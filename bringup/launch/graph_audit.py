@@ -3,7 +3,7 @@
 from collections.abc import Collection
 from typing import Any
 
-from ac_common.topics import BRINGUP, NAMESPACE, OCCASIONAL, PAGE, PLANT, RECORDER, TOPICS, Topic
+from ac_common.topics import BRINGUP, NAMESPACE, OCCASIONAL, PAGE, PLANT, RECORDER, SCENARIO, TOPICS, Topic
 from ac_ros_common.type_definitions import type_hash
 from bringup.launch.reports import Reports
 
@@ -92,7 +92,7 @@ class GraphAudit:
         if len(rightful) > 1 and topic.publisher not in restarted:
             found.append(f"{full}: {len(rightful)} publishers called {topic.publisher}")
         found += [
-            f"{full}: second publisher {_called(writer)}"
+            f"{full}: second publisher {_called(writer)}{_other_way(topic)}"
             for writer in writers
             if not _is(topic.publisher, writer) and "UNKNOWN" not in writer.node_name
         ]
@@ -133,6 +133,13 @@ class GraphAudit:
 def _is(name: str, endpoint: Any) -> bool:
     """Whether a publisher or subscriber belongs to the graph's node of that name."""
     return bool(endpoint.node_name == name and endpoint.node_namespace == NAMESPACE)
+
+
+def _other_way(topic: Topic) -> str:
+    """Return how a person does what publishing on the topic itself does not."""
+    if not topic.name.startswith("reference/"):
+        return ""
+    return f", which nobody follows; a reference of yours goes to {NAMESPACE}/{SCENARIO}/{topic.name}"
 
 
 def _called(endpoint: Any) -> str:

@@ -7,16 +7,17 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from typing import Any, Self
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.parameter import parameter_value_to_python
 
 from ac_common.errors import RunError
-from ac_common.health import BringupReport, HealthReport, Restart
-from ac_common.topics import BRINGUP, NAMESPACE, RECORDER, TOPICS, Topic
+from ac_common.health import HealthReport, Restart
+from ac_common.topics import BRINGUP, NAMESPACE, PLANT, RECORDER, TOPICS, Topic
 from ac_ros_common.client_node import client_node
 from ac_ros_common.qos import PLAIN_QOS
+from bringup.launch.announcer import Announcer
 from bringup.launch.graph_audit import GraphAudit
 from bringup.launch.lifecycle_client import LifecycleClient, ParameterRequest
 from bringup.launch.process_table import PROCESSES
@@ -69,7 +70,6 @@ class Supervisor:
         self._users = user.names if user is not None else ()
         self._revive = revive
         self._is_over = is_over
-        self._say = say
         self._restarts = Restarts()
         self._silence = Silence(time.monotonic())
         self._changed: dict[str, dict[str, Any]] = {}  # parameters that were set while nodes ran
@@ -88,7 +88,7 @@ class Supervisor:
         self._lifecycle = LifecycleClient(self.node, self._children)
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._heard, PLAIN_QOS)
         self.node.create_subscription(ParameterEvent, "/parameter_events", self._parameters_changed, PLAIN_QOS)
-        self._diagnostics = self.node.create_publisher(DiagnosticArray, "/diagnostics", PLAIN_QOS)
+        self._announcer = Announcer(self.node, self.health, say)
 
     def __enter__(self) -> Self:
         return self
@@ -198,6 +198,8 @@ class Supervisor:
                 continue
             if not self._restarts.is_of_dead(name, HealthReport.read(said)):
                 self.health[name] = said
+                if name == PLANT:
+                    self._announcer.plant_stamp = message.header.stamp
                 self._silence.heard(name, time.monotonic())
                 self._note_return(name)
 
@@ -242,36 +244,30 @@ class Supervisor:
         # In the time of the run, by the plant's word for when it began on the monotonic clock.
         run_s = round(time.monotonic() - self.health.of_plant().epoch_monotonic_s, 3)
         self._restarts.add(name, pid, run_s, reason)
-        self._say(f"node {name} died ({reason}) and is started again")
+        self._announcer.tell(f"node {name} died ({reason}) and is started again")
 
     def _start_again(self, name: str) -> None:
         assert self._revive is not None
         first_ns = self.health.of_plant().first_ns
         changed = {"run_start_ns": first_ns} if first_ns is not None and name != RECORDER else {}
         self._children[name] = self._revive(name, {**self._changed.get(name, {}), **changed})
-        self._report()
+        self._announcer.report(self._restarts, self.unexpected)
 
     def _note_return(self, name: str) -> None:
         """Note that a node that had died works again."""
         if (self.health.of(name).ticks or 0) > 0:
             for restart in self._restarts.back(name, time.monotonic()):
-                self._say(f"node {name} is back in service after {restart.back_s - restart.died_s:.1f} s")
-                self._report()
+                self._announcer.tell(f"node {name} is back in service after {restart.back_s - restart.died_s:.1f} s")
+                self._announcer.report(self._restarts, self.unexpected)
 
     def _look_for_unexpected(self) -> None:
         """Say what is new in the graph and does not belong there, and report as long as there is something to."""
         found = self._audit.unexpected([restart.node for restart in self.restarts])
         if found or found != self.unexpected or self.restarts:
             for line in sorted(set(found) - set(self.unexpected)):
-                self._say(line)
+                self._announcer.tell(line)
             self.unexpected = found
-            self._report()
-
-    def _report(self) -> None:
-        """Tell on /diagnostics, and so in the bag, what was done."""
-        message = DiagnosticArray(status=[_health(self._restarts, self.unexpected)])
-        message.header.stamp = self.node.get_clock().now().to_msg()
-        self._diagnostics.publish(message)
+            self._announcer.report(self._restarts, self.unexpected)
 
     def _parameters_changed(self, event: ParameterEvent) -> None:
         """Remember what was set while a node ran: it must hold after a restart."""
@@ -285,15 +281,3 @@ class Supervisor:
         if child is None:
             return f"node {name} {how}: see its own output; a run wants it unconfigured (parameter autostart: false)"
         return f"node {name} {how}: {child.last_words()} (log: {child.log})"
-
-
-def _health(restarts: Restarts, unexpected: list[str]) -> DiagnosticStatus:
-    """Return the health report of bringup itself."""
-    waiting = restarts.waiting
-    said = BringupReport(tuple(restarts.all), tuple(unexpected)).values()
-    return DiagnosticStatus(
-        level=DiagnosticStatus.WARN if waiting or unexpected else DiagnosticStatus.OK,
-        name=f"{NAMESPACE}/{BRINGUP}",
-        message=f"restarting {', '.join(waiting)}" if waiting else "; ".join(unexpected) or "all is well",
-        values=[KeyValue(key=key, value=value) for key, value in said.items()],
-    )
