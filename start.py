@@ -89,6 +89,7 @@ def make_environment() -> None:
         remedy,
     )
     call([*pip, "--no-deps", "--editable", "."], "acftc itself could not be installed", remedy)
+    (VENV / "COLCON_IGNORE").touch()  # it may stand in a workspace
     stamp.write_text(wanted())
 
 

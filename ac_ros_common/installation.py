@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import sys
 import sysconfig
 from pathlib import Path
@@ -30,6 +31,8 @@ _TOLD = f"{LEFT_ASIDE}_TOLD"
 #: What a sourced installation sets: paths of which some entries may be the user's, and single words.
 _PATHS = ("PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH")
 _MIDDLEWARE, _DOMAIN = "RMW_IMPLEMENTATION", "ROS_DOMAIN_ID"
+#: Exit code of a program that was interrupted.
+INTERRUPTED = 130
 #: Beyond it the ports that DDS computes from a domain's number do not exist.
 LAST_DOMAIN = 232
 
@@ -102,6 +105,7 @@ def program_name() -> str:
 def begin_node() -> None:
     """Do what a node's program has to do before anything imports rclpy; what cannot be ends it with code 2."""
     use_own_ros()
+    signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))  # while it loads there is nothing to close
     try:
         check_environment()
     except EnvironmentProblem as problem:
@@ -165,7 +169,9 @@ def users_environment(environment: Mapping[str, str]) -> dict[str, str]:
 
 def _is_foreign(entry: Path, own: Path) -> bool:
     prefix = _prefix(entry)
-    return prefix is not None and prefix.resolve() != own.resolve()
+    if prefix is None or prefix.resolve() == own.resolve():
+        return False
+    return prefix.resolve() not in Path(__file__).resolve().parents  # a workspace that this program is from
 
 
 def _prefix(entry: Path) -> Path | None:

@@ -321,6 +321,8 @@ def run_node(make: Callable[[], LoopNode]) -> NoReturn:
     The exit code is 0 after SIGINT and SIGTERM, 1 when the node failed, 2 after bad input.
     """
     begin_node()
+    # The middleware sees the signal by itself; an exception in the midst of a call into it would be another error.
+    signal.signal(signal.SIGINT, lambda *_: None)
     one_blas_thread()
     end_with_parent()
     made: list[LoopNode] = []

@@ -16,9 +16,9 @@ import click
 
 from ac_common.blas_threads import one_blas_thread
 from ac_common.errors import UserError, nearest, one_line
-from ac_ros_common.installation import check_environment, left_aside, use_own_ros
+from ac_ros_common.installation import INTERRUPTED, check_environment, left_aside, use_own_ros
 from bringup.commands.options import examples
-from bringup.launch.interrupts import INTERRUPTED, SIGNALS, orderly_interrupts
+from bringup.launch.interrupts import SIGNALS, orderly_interrupts
 
 #: Names the plant's parameter file; the same as `PLANT_VARIABLE` of `ac_plant_node`, which is heavy to import.
 PLANT_VARIABLE = "ACFTC_PLANT"

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import count
 
-#: Exit code of a program that was interrupted.
-INTERRUPTED = 130
+from ac_ros_common.installation import INTERRUPTED
+
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
