@@ -30,12 +30,12 @@ BAD_INPUT = 2
 SECTIONS: dict[str, tuple[str, ...]] = {
     "Run": ("run", "simulate", "scenarios"),
     "Recordings": ("report", "replay"),
-    "A running graph": ("dash", "topics"),
+    "A running graph": ("dash", "topics", "foxglove"),
     "Plant and designs": ("equilibria", "calibrate", "design", "reproduce"),
     "This machine": ("bench", "campaign", "completion"),
 }
 #: Those that look at ROS, whose settings must be right for them.
-WITH_ROS = ("run", "replay", "dash", "topics", "bench", "campaign")
+WITH_ROS = ("run", "replay", "dash", "topics", "foxglove", "bench", "campaign")
 
 
 class CommandGroup(click.Group):

@@ -33,6 +33,9 @@ GRAPH_PERIOD_S = 0.1
 #: How often it is searched though nothing in it has come or gone, and bringup reports when it has something to, s.
 REPORT_PERIOD_S = 0.5
 
+#: After so long of waiting for a user's node the user is told what of it is missing, s.
+TELL_AFTER_S = 5.0
+
 Revive = Callable[[str, dict[str, Any]], Child]
 
 
@@ -212,8 +215,14 @@ class Supervisor:
 
     def _until(self, condition: Callable[[], bool], what: Callable[[], str]) -> None:
         started_s = time.monotonic()
+        is_told = False
         while not condition():
             self.spin()
+            if not is_told and time.monotonic() - started_s > TELL_AFTER_S:
+                is_told = True
+                for name in self._users:
+                    if not self._lifecycle.is_managed(name) and (lacking := self._audit.lacking(name)):
+                        self._announcer.tell(f"waiting for your {name}: {'; '.join(lacking)}")
             if time.monotonic() - started_s > self.patience_s:
                 raise RunError(f"the nodes did not get ready in {self.patience_s:g} s: {what()}")
 
