@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from ac_common.errors import InterruptedRunError, RunError, UserError
 from ac_common.health import MissedTick, Restart, missed_ticks
 from ac_common.topics import NAMESPACE, PLANT, RECORDER, Topic, topics_in
-from ac_experiments.bags.recorder import mend
+from ac_experiments.bags.mending import mend
 from ac_experiments.designs import write_designs_of
 from ac_experiments.scenario_schema import Scenario
 from ac_plant_node.rest import prepare
