@@ -50,6 +50,10 @@ class GraphAudit:
         readers = self._health.of(name).subscribers
         return all(readers.get(topic, 0) >= n + self._others_readers(topic) for topic, n in self._wanted(name).items())
 
+    def unconnected(self) -> str:
+        """Name the nodes whose outputs have not found all their subscribers."""
+        return ", ".join(name for name in self._names if not self.is_connected(name))
+
     def reports(self, name: str) -> bool:
         """Whether a node tells its state on /diagnostics, as those of acftc do."""
         return any(_is(name, writer) for writer in self._node.get_publishers_info_by_topic("/diagnostics"))
@@ -121,6 +125,8 @@ class GraphAudit:
             for writer in writers
             if not self._is_of(topic.publisher, writer) and "UNKNOWN" not in writer.node_name
         ]
+        if any("UNKNOWN" in writer.node_name for writer in writers):
+            self._seen = None  # who it is comes after it: look again
         expected = type_hash(topic.type)
         for endpoint in (*writers, *self._node.get_subscriptions_info_by_topic(full)):
             if endpoint.topic_type != topic.type:

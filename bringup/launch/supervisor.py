@@ -45,8 +45,8 @@ class Supervisor:
     A node reports its state and how many subscribers its outputs have found on /diagnostics whenever either changes;
     so readiness is an event, and a loop starts only when every writer knows every reader.
 
-    Of a user's node less is asked. One that reports like acftc's is treated like those. A managed node is driven
-    through its life cycle. Any other counts as ready when its topics are there; it suits the wall clock only.
+    Of a user's node less is asked. One that reports like acftc's is treated like those, a managed one is driven through
+    its life cycle, any other counts as ready when its topics are there; it suits the wall clock only.
     """
 
     #: How long all nodes together may take for one step; they only load, but the machine may have much else to do.
@@ -78,7 +78,7 @@ class Supervisor:
         self._changed: dict[str, dict[str, Any]] = {}  # parameters that were set while nodes ran
         self._is_running = False
         self._looked_s = self._searched_s = 0.0
-        self.unexpected: list[str] = []  # what is in the graph and does not belong there
+        self.unexpected: list[str] = []
         self.health = Reports()
         # The middleware reads its settings from this process's environment.
         domain = environment.get("ROS_DOMAIN_ID")
@@ -118,7 +118,7 @@ class Supervisor:
         """Configure nodes (those that are not yet) and wait until `connected`."""
         unconfigured = [name for name in names if self.state(name) != "inactive"]
         self.change(unconfigured, Transition.TRANSITION_CONFIGURE, "inactive")
-        self._until(connected, self._unconnected)
+        self._until(connected, lambda: f"{self._audit.unconnected()} not connected")
 
     def wait_for(self, states: Mapping[str, str]) -> None:
         """Wait until nodes that manage themselves have reached these states."""
@@ -210,20 +210,18 @@ class Supervisor:
         """Whether a user's node is there and has no life cycle."""
         return name in self._users and not self._lifecycle.is_managed(name) and self._audit.publishes_all(name)
 
-    def _unconnected(self) -> str:
-        return ", ".join(name for name in self._children if not self._audit.is_connected(name)) + " not connected"
-
     def _until(self, condition: Callable[[], bool], what: Callable[[], str]) -> None:
         started_s = time.monotonic()
-        is_told = False
+        is_told = not self._users
         while not condition():
             self.spin()
-            if not is_told and time.monotonic() - started_s > TELL_AFTER_S:
+            waited_s = time.monotonic() - started_s
+            if not is_told and waited_s > TELL_AFTER_S:
                 is_told = True
-                for name in self._users:
-                    if not self._lifecycle.is_managed(name) and (lacking := self._audit.lacking(name)):
+                for name in (user for user in self._users if not self._lifecycle.is_managed(user)):
+                    if lacking := self._audit.lacking(name):
                         self._announcer.tell(f"waiting for your {name}: {'; '.join(lacking)}")
-            if time.monotonic() - started_s > self.patience_s:
+            if waited_s > self.patience_s:
                 raise RunError(f"the nodes did not get ready in {self.patience_s:g} s: {what()}")
 
     def _end_what_hangs(self, now_s: float) -> None:

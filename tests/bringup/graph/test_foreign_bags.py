@@ -49,7 +49,10 @@ def test_it_has_a_report(tmp_path: Path) -> None:
 
 @pytest.mark.ros
 def test_it_can_be_replayed(tmp_path: Path) -> None:
-    assert replay(recorded(tmp_path), "fdi").same
+    result = replay(recorded(tmp_path), "fdi")
+    assert result.compared == 6 * result.ticks > 0
+    # The design is not in such a bag and is made anew: by a synthesis that may have rounded differently then.
+    assert result.largest_relative_difference < 1e-4
 
 
 def test_one_without_the_loop_is_refused(tmp_path: Path) -> None:
