@@ -17,6 +17,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from ac_ros_common.installation import without_foreign
+
 HERE = Path(__file__).resolve().parent
 VENV = HERE / ".venv"
 UV_VERSION = "0.13.9"
@@ -87,6 +89,7 @@ def make_environment() -> None:
         remedy,
     )
     call([*pip, "--no-deps", "--editable", "."], "acftc itself could not be installed", remedy)
+    (VENV / "COLCON_IGNORE").touch()  # it may stand in a workspace
     stamp.write_text(wanted())
 
 
@@ -103,7 +106,9 @@ def main() -> None:
             f"there is no command {sys.argv[1]!r} in the environment",
             "did you mean acftc, pytest, ruff, mypy or python?",
         )
-    environment = dict(os.environ, PATH="{}{}{}".format(bin_dir, os.pathsep, os.environ.get("PATH", "")))
+    # A ROS installation that happens to be sourced would come before the one in the environment.
+    own, _ = without_foreign(os.environ, VENV)
+    environment = dict(own, PATH="{}{}{}".format(bin_dir, os.pathsep, os.environ.get("PATH", "")))
     environment["VIRTUAL_ENV"] = str(VENV)
     os.chdir(str(Path.cwd() if sys.argv[1] != "pytest" else HERE))
     os.execve(str(command), [str(command), *sys.argv[2:]], environment)

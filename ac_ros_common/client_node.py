@@ -18,7 +18,7 @@ LEAVE_S = 10.0
 def client_node(
     name: str, namespace: str = "", domain: int | None = None
 ) -> Iterator[tuple[Node, SingleThreadedExecutor]]:
-    """Give a node, without services and output of its own, and the executor that has it to spin; both end afterwards.
+    """Give a node and the executor that has it to spin; both end afterwards. What it logs stays in this process.
 
     Parameters
     ----------
@@ -29,9 +29,8 @@ def client_node(
     context = rclpy.Context()
     # Signals stay Python's: bringup must not lose its middleware before it has stopped the nodes.
     rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO, args=[], domain_id=domain)
-    node = rclpy.create_node(
-        name, namespace=namespace, context=context, start_parameter_services=False, enable_rosout=False
-    )
+    # With the parameter services that every node has: `ros2 param list` waits long for one without.
+    node = rclpy.create_node(name, namespace=namespace, context=context, enable_rosout=False)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     try:

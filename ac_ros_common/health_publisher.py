@@ -2,6 +2,7 @@
 
 import math
 import os
+import platform
 import time
 from collections import Counter, deque
 from collections.abc import Callable
@@ -10,9 +11,12 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 from rclpy.publisher import Publisher
+from rclpy.time import Time
 
 from ac_common.health import HealthPart, HealthReport
 
+#: The machine that a node runs on, as `hardware_id`.
+HARDWARE = platform.node() or "unknown"
 #: How long, s, and how many of them at most, announcements are told again: a recorder that was away finds them, too.
 AGAIN_S, MOST_AGAIN = 10.0, 16
 
@@ -114,18 +118,23 @@ class HealthPublisher:
     def __init__(self, node: Node, publisher: Publisher) -> None:
         self._node = node
         self._publisher = publisher
+        self._refused = 0  # messages of which the log has told
 
-    def publish(self, parts: tuple[HealthReport, *tuple[HealthPart, ...]], problem: str) -> None:
-        """Publish a report and the parts that come with it; `problem` is why the node cannot work, empty: it can."""
-        report = parts[0]
+    def publish(self, time_ns: int, report: HealthReport, further: HealthPart | None, problem: str) -> None:
+        """Publish a report and what belongs to it; `problem` is why the node cannot work, empty: it can."""
+        parts = [report] if further is None else [report, further]
+        if (report.rejected_inputs or 0) > self._refused:
+            self._refused = report.rejected_inputs or 0
+            self._node.get_logger().warning(f"{self._refused} messages refused, the last: {report.last_rejected}")
         message = DiagnosticArray()
-        message.header.stamp = self._node.get_clock().now().to_msg()
+        message.header.stamp = Time(nanoseconds=time_ns).to_msg()
         level = DiagnosticStatus.WARN if report.mode else DiagnosticStatus.OK
         message.status = [
             DiagnosticStatus(
                 level=bytes(DiagnosticStatus.ERROR if problem else level),
                 name=self._node.get_fully_qualified_name(),
                 message=problem or report.mode or report.state,
+                hardware_id=HARDWARE,
                 values=[KeyValue(key=key, value=value) for part in parts for key, value in part.values().items()],
             )
         ]

@@ -8,6 +8,7 @@ import errno
 import gc
 import math
 import os
+import signal
 import sys
 import traceback
 from collections.abc import Callable, Mapping, Sequence
@@ -16,7 +17,6 @@ from typing import Any, NoReturn
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.event_handler import PublisherEventCallbacks
@@ -41,8 +41,9 @@ from ac_ros_common.checkpoint import CheckpointFile
 from ac_ros_common.exit_watchdog import exit_within
 from ac_ros_common.health_publisher import Health, HealthPublisher
 from ac_ros_common.inputs import Gate
+from ac_ros_common.installation import begin_node, left_aside, program_name
 from ac_ros_common.messages import message_class
-from ac_ros_common.parameters import COMMON, Parameter
+from ac_ros_common.parameters import COMMON, Parameter, checked
 from ac_ros_common.process_exit import DISK_FULL, end_with_parent, leave
 from ac_ros_common.qos import PLAIN_QOS, qos_of
 from ac_ros_common.rclpy_init import ArgumentError, init
@@ -72,7 +73,7 @@ class LoopNode(ManagedNode):
         self.realtime = RealtimeSettings()
         self.checkpoint = CheckpointFile(None, self._not_kept)
         self._known = {p.name: p for p in (*COMMON, *parameters)}
-        self.add_on_set_parameters_callback(self._check_choices)
+        self.add_on_set_parameters_callback(lambda given: checked(self._known, given, self.state))
         for parameter in self._known.values():
             self.declare_parameter(parameter.name, parameter.default, parameter.descriptor())
         self._setup = Gate(is_open=True)  # events that matter until the loop runs
@@ -81,6 +82,7 @@ class LoopNode(ManagedNode):
         self.is_realtime = False  # whether this node's ticks are the wall clock's
         self.loop = TickLoop(self.context, self.health.reject, self.on_deadline)
         self._senders: dict[str, tuple[Publisher, Packer]] = {}
+        self._sent_ns = 0
         self._subscribed: list[Subscription] = []
         self._diagnostics = HealthPublisher(self, self._publisher(DiagnosticArray, "/diagnostics", PLAIN_QOS))
         # By default a timer waits by the wall clock: set back by an hour, it would be silent for an hour.
@@ -166,15 +168,18 @@ class LoopNode(ManagedNode):
         period_ns = round(self.sample_time_s * 1e9) if self.is_realtime else None
         expected = self.loop.add(topics, timed, period_ns, patience, holds_s or {}, optional, on_missed_inputs)
         for topic in expected:
-            self.loop.subscriptions.add(self.subscribe(topic.type, topic.name, qos_of(topic)))
+            # Whoever publishes need not offer a deadline: stock tools and drivers don't.
+            self.loop.subscriptions.add(self.subscribe(topic.type, topic.name, PLAIN_QOS))
 
     def enter(self, mode: str, time_ns: int) -> None:
         """Announce that the node does something else from this tick on; empty: all is as usual again."""
         if mode == self.health.mode:
             return
-        what = mode or AS_USUAL
-        self.health.announce(time_ns / 1e9, what)
-        print(f"{self.get_name()}: {time_ns / 1e9:.3f} s: {what}", file=sys.stderr, flush=True)
+        self.health.announce(time_ns / 1e9, mode or AS_USUAL)
+        if mode:  # rclpy wants one severity for each line of code
+            self.get_logger().warning(f"{time_ns / 1e9:.3f} s: {mode}")
+        else:
+            self.get_logger().info(f"{time_ns / 1e9:.3f} s: {AS_USUAL}")
         self.health.mode = mode
         self.soon(self.report_health)
 
@@ -186,13 +191,13 @@ class LoopNode(ManagedNode):
         """Create a subscription that the executor leaves alone, for `Subscriptions` to take from."""
         group = Gate(is_open=False)
         kind = message_class(type_name)
-        subscription = self.create_subscription(kind, name, _nothing, qos, callback_group=group)
-        self._subscribed.append(subscription)
-        return subscription
+        self._subscribed.append(self.create_subscription(kind, name, _nothing, qos, callback_group=group))
+        return self._subscribed[-1]
 
     def send(self, time_ns: int, topic: str, *values: Any) -> None:
         """Publish the values of one topic, stamped."""
         publisher, pack = self._senders[topic]
+        self._sent_ns = time_ns
         publisher.publish(pack(time_ns, values))
 
     def add_output(self, topic: Topic, name: str | None = None) -> None:
@@ -202,6 +207,13 @@ class LoopNode(ManagedNode):
         qos = qos_of(topic) if name is None else PLAIN_QOS
         publisher = self._publisher(message_class(topic.type), name or topic.name, qos)
         self._senders[topic.name] = (publisher, packer(topic))
+
+    @property
+    def time_ns(self) -> int:
+        """Time on this node's clock, ns: the wall clock's, or in lockstep that of the tick it has come to."""
+        if "mode" in self._known and self.value("mode") == "lockstep":
+            return self._sent_ns
+        return int(self.get_clock().now().nanoseconds)
 
     def soon(self, call: Callable[[], None]) -> None:
         """Let the executor call `call` as soon as the present callback is over."""
@@ -221,7 +233,7 @@ class LoopNode(ManagedNode):
             **self.loop.inputs.counts(),
         )
         further = self.node_health()
-        self._diagnostics.publish((report,) if further is None else (report, further), self.health.problem)
+        self._diagnostics.publish(self.time_ns, report, further, self.health.problem)
 
     # -- life cycle ---------------------------------------------------------------------------------------------
 
@@ -251,7 +263,7 @@ class LoopNode(ManagedNode):
             self.is_bad_input = isinstance(problem, ValueError)
             if not self.is_bad_input:
                 traceback.print_exc()
-            print(f"{self.get_name()}: {self.health.problem}", file=sys.stderr, flush=True)
+            self.get_logger().error(self.health.problem)
             return TransitionCallbackReturn.FAILURE
         self.soon(self.report_health)
         return inherited(state)
@@ -302,23 +314,21 @@ class LoopNode(ManagedNode):
     def _not_kept(self, problem: str) -> None:
         self.health.last_rejected = problem
 
-    def _check_choices(self, parameters: Any) -> SetParametersResult:
-        for given in parameters:
-            known = self._known.get(given.name)
-            if known is not None and (reason := known.refuse(given.value, self.state)):
-                return SetParametersResult(successful=False, reason=reason)
-        return SetParametersResult(successful=True)
-
 
 def run_node(make: Callable[[], LoopNode]) -> NoReturn:
     """Run a node until it is told to end, and end the process.
 
     The exit code is 0 after SIGINT and SIGTERM, 1 when the node failed, 2 after bad input.
     """
+    begin_node()
+    # The middleware sees the signal by itself; an exception in the midst of a call into it would be another error.
+    signal.signal(signal.SIGINT, lambda *_: None)
     one_blas_thread()
     end_with_parent()
     made: list[LoopNode] = []
     code = _run(make, made)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)  # it is ending: a second one must not cut that off
     for node in made:
         try:
             node.stopped()
@@ -334,6 +344,8 @@ def run_node(make: Callable[[], LoopNode]) -> NoReturn:
 def _run(make: Callable[[], LoopNode], made: list[LoopNode]) -> int:
     node = None
     try:
+        if told := left_aside():
+            print(f"{program_name()}: {told}", file=sys.stderr, flush=True)
         init()
         node = make()
         made.append(node)
@@ -353,10 +365,10 @@ def _run(make: Callable[[], LoopNode], made: list[LoopNode]) -> int:
             return 0  # told to end in the middle of a call into the middleware
         return _report(node, problem)
     except (InvalidParameterValueException, InvalidParameterTypeException, ParameterException) as problem:
-        print(f"{_program()}: {_one_line(problem)}", file=sys.stderr, flush=True)
+        print(f"{program_name()}: {_one_line(problem)}", file=sys.stderr, flush=True)
         return BAD_INPUT
     except ArgumentError as problem:
-        print(f"{_program()}: {problem}", file=sys.stderr, flush=True)
+        print(f"{program_name()}: {problem}", file=sys.stderr, flush=True)
         return BAD_INPUT
     except Exception as problem:
         return _report(node, problem)
@@ -367,7 +379,10 @@ def _report(node: LoopNode | None, problem: Exception) -> int:
     try:
         if not isinstance(problem, ValueError):
             traceback.print_exc()
-        print(f"{node.get_name() if node else _program()}: {_one_line(problem)}", file=sys.stderr, flush=True)
+        if node is not None:
+            node.get_logger().fatal(_one_line(problem))
+        else:
+            print(f"{program_name()}: {_one_line(problem)}", file=sys.stderr, flush=True)
     except OSError:  # the log is on the disk that is full; what could not be said must not be tried again at exit
         sys.stderr = Path(os.devnull).open("w")  # noqa: SIM115
     return DISK_FULL if isinstance(problem, OSError) and problem.errno == errno.ENOSPC else 1
@@ -375,10 +390,6 @@ def _report(node: LoopNode | None, problem: Exception) -> int:
 
 def _nothing(message: Any) -> None:
     """Stand in as the callback of a subscription from which `Subscriptions` takes."""
-
-
-def _program() -> str:
-    return sys.argv[0].rsplit("/", 2)[-2 if sys.argv[0].endswith("__main__.py") else -1]
 
 
 def _one_line(problem: BaseException) -> str:

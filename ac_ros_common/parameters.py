@@ -1,9 +1,10 @@
 """Declared parameters of nodes: what one is, and those that several nodes have."""
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 
 from ac_common.sample_time import DEFAULT_SAMPLE_TIME_S, LONGEST_SAMPLE_TIME_S, SHORTEST_SAMPLE_TIME_S
 
@@ -39,6 +40,15 @@ class Parameter:
         if self.choices and value not in self.choices:
             return f"{self.name} is {value!r}; allowed: {', '.join(self.choices)}"
         return ""
+
+
+def checked(known: Mapping[str, Parameter], given: Iterable[Any], state: str) -> SetParametersResult:
+    """Return whether parameters can be set to the values `given` in a life-cycle state, or the first reason why not."""
+    for each in given:
+        parameter = known.get(each.name)
+        if parameter is not None and (reason := parameter.refuse(each.value, state)):
+            return SetParametersResult(successful=False, reason=reason)
+    return SetParametersResult(successful=True)
 
 
 AUTOSTART = Parameter(

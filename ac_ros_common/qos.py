@@ -7,10 +7,10 @@ from ac_common.topics import TICKED, Topic
 
 #: How far behind a subscriber (the recorder above all) may fall before a message is lost, in ticks.
 DEPTH = 1000
-#: A loop topic that is silent for longer misses its deadline.
+#: A publisher of a loop topic that is silent for longer misses its deadline.
 DEADLINE_S = 1.0
 
-#: Of the loop's topics, which have a message in every tick.
+#: What publishers of the loop's topics offer, which have a message in every tick.
 LOOP_QOS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
@@ -18,10 +18,18 @@ LOOP_QOS = QoSProfile(
     depth=DEPTH,
     deadline=Duration(seconds=DEADLINE_S),
 )
-#: Of /clock, /diagnostics and what is not in every tick: reliable, without a deadline.
+#: Of every subscription, and of /clock, /diagnostics and what is not in every tick: reliable, without a deadline.
 PLAIN_QOS = QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=DEPTH)
+
+#: Of /rosout: who listens later hears what was said before.
+ROSOUT_QOS = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=DEPTH,
+)
 
 
 def qos_of(topic: Topic) -> QoSProfile:
-    """Return the QoS of a topic of the loop; one that is not in every tick has no deadline."""
+    """Return the QoS that a publisher of a topic of the loop offers; one that is not in every tick has no deadline."""
     return LOOP_QOS if topic in TICKED else PLAIN_QOS

@@ -1,5 +1,6 @@
 """The ROS arguments of a node's process: what is wrong with them becomes one line."""
 
+import os
 import re
 import sys
 from collections.abc import Sequence
@@ -16,6 +17,10 @@ _ORIGIN = re.compile(r",? at /\S+:\d+")
 _NO_FILE = "Error opening YAML file"
 
 
+#: How the middleware's logging looks on standard error.
+CONSOLE_FORMAT = "RCUTILS_CONSOLE_OUTPUT_FORMAT"
+
+
 class ArgumentError(UserError):
     """Arguments or a parameter file that the middleware cannot read; the message is one line."""
 
@@ -28,6 +33,7 @@ def init(arguments: Sequence[str] | None = None) -> None:
     ArgumentError
         When an argument or a parameter file is malformed.
     """
+    os.environ.setdefault(CONSOLE_FORMAT, "{name}: {message}")
     set_logger_level("rcl", LoggingSeverity.FATAL)  # it would say the same once more, in its own words
     try:
         rclpy.init(args=list(sys.argv if arguments is None else arguments))

@@ -16,23 +16,26 @@ import click
 
 from ac_common.blas_threads import one_blas_thread
 from ac_common.errors import UserError, nearest, one_line
+from ac_ros_common.installation import INTERRUPTED, check_environment, left_aside, use_own_ros
 from bringup.commands.options import examples
+from bringup.launch.interrupts import SIGNALS, orderly_interrupts
 
 #: Names the plant's parameter file; the same as `PLANT_VARIABLE` of `ac_plant_node`, which is heavy to import.
 PLANT_VARIABLE = "ACFTC_PLANT"
 
-INTERRUPTED = 130
 FAILED = 1
 BAD_INPUT = 2
 
 #: Every command, under the heading where help lists it, in the order of use.
 SECTIONS: dict[str, tuple[str, ...]] = {
     "Run": ("run", "simulate", "scenarios"),
-    "Recordings": ("report", "replay"),
-    "A running graph": ("dash", "topics"),
+    "Recordings": ("report", "replay", "bags"),
+    "A running graph": ("dash", "topics", "foxglove"),
     "Plant and designs": ("equilibria", "calibrate", "design", "reproduce"),
     "This machine": ("bench", "campaign", "completion"),
 }
+#: Those that look at ROS, whose settings must be right for them.
+WITH_ROS = ("run", "replay", "dash", "topics", "foxglove", "bench", "campaign")
 
 
 class CommandGroup(click.Group):
@@ -57,6 +60,10 @@ class CommandGroup(click.Group):
         if name not in known and not name.startswith("-"):
             msg = f"unknown command {name!r}{nearest(name, known)} allowed: {', '.join(known)}"
             raise click.UsageError(msg, ctx)
+        if name in WITH_ROS:
+            check_environment()
+            if told := left_aside():
+                click.echo(f"acftc: {told}", err=True)
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -104,7 +111,13 @@ def cli(plant: Path | None) -> None:
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit with its code; every failure is one line on stderr."""
     # A polite kill ends a run as Ctrl-C does: the nodes are stopped, and the bag is closed.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    with orderly_interrupts():
+        code = _run(arguments)
+        sys.exit(code if isinstance(code, int) else 0)
+
+
+def _run(arguments: list[str] | None) -> object:
+    code: object
     try:
         code = cli.main(args=arguments, prog_name="acftc", standalone_mode=False)
     except click.exceptions.Exit as end:
@@ -122,15 +135,18 @@ def main(arguments: list[str] | None = None) -> None:
         code = FAILED
     except Exception as problem:
         code = _explain(problem)
-    sys.exit(code if isinstance(code, int) else 0)
+    return code
 
 
 def entry() -> None:
     """Run the command line as a program."""
+    use_own_ros()
     one_blas_thread()
     try:
         main()
     except SystemExit as end:
+        for number in SIGNALS:
+            signal.signal(number, signal.SIG_IGN)  # all is over: nothing is left to interrupt
         if "rclpy" in sys.modules and isinstance(end.code, int):
             from ac_ros_common.process_exit import leave
 

@@ -9,15 +9,12 @@ hence --passive. See docs/how-to/own-plant.md.
 """
 
 import rclpy
-from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from sensor_msgs.msg import FluidPressure, JointState, Temperature
 
 PERIOD_S = 0.1
-# The loop's subscribers ask for a message a second at least; a publisher that does not promise it is not heard.
-QOS = QoSProfile(depth=10, deadline=Duration(seconds=1.0))
+QUEUE = 10  # otherwise the defaults: reliable, volatile
 
 
 class Hardware:
@@ -41,13 +38,13 @@ class Hardware:
 
 class Bench(Node):
     def __init__(self) -> None:
-        super().__init__("ac_plant")
+        super().__init__("my_bench")
         self._hardware = Hardware()
         pressures = ("plant/evaporator_pressure", "plant/condenser_pressure")
         temperatures = ("plant/superheat", "plant/wall_temperature", "plant/air_inlet_temperature")
-        self._senders = {name: self.create_publisher(FluidPressure, name, QOS) for name in pressures}
-        self._senders |= {name: self.create_publisher(Temperature, name, QOS) for name in temperatures}
-        self.create_subscription(JointState, "actuator/command", self._commanded, QOS)
+        self._senders = {name: self.create_publisher(FluidPressure, name, QUEUE) for name in pressures}
+        self._senders |= {name: self.create_publisher(Temperature, name, QUEUE) for name in temperatures}
+        self.create_subscription(JointState, "actuator/command", self._commanded, QUEUE)
         self.create_timer(PERIOD_S, self._tick)
 
     def _commanded(self, message: JointState) -> None:

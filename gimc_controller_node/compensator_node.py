@@ -1,5 +1,10 @@
 """Node `compensator`: q = Q f_e, with Q_act or Q_sen as the isolation says."""
 
+from ac_ros_common.installation import begin_node
+
+if __name__ == "__main__":
+    begin_node()
+
 import math
 import sys
 from collections.abc import Sequence

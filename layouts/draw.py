@@ -65,7 +65,7 @@ def _foxglove_panel(name, config, place):
         signals = [_message_path(config["path"])]
     else:
         signals = [Signal(config["topicToRender"], "status")]
-    return Panel(place, config.get("title", config.get("topicToRender", "")), kind, tuple(signals))
+    return Panel(place, config["foxglovePanelTitle"], kind, tuple(signals))
 
 
 def _message_path(text, label="", color=""):

@@ -14,7 +14,7 @@ import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
+from mcap.records import Attachment, Channel, Chunk, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -24,6 +24,7 @@ from ac_common.fdi_status import StatusRow, status_row
 from ac_common.health import BringupReport, HealthReport, PlantReport, health_of
 from ac_common.topics import BRINGUP, BY_NAME, DIAGNOSTICS, NAMESPACE, OCCASIONAL, PLANT, Topic
 from ac_common.wire import NANOSECONDS, columns, read_diagnostics, stamp_ns, stamps_ns
+from ac_experiments.bags.foreign import inferred_run
 from ac_experiments.bags.recorder import MENDED_RECORD, RUN_RECORD, bag_files
 from ac_experiments.recording import Recording
 from ac_experiments.scenario import check
@@ -101,13 +102,15 @@ class Run(BaseModel):
 
 
 def run_of(raw: RawBag, bag: Path | str) -> tuple[dict[str, Any], Scenario]:
-    """Return what was run, checked, and its scenario.
+    """Return what was run, checked, and its scenario; of a bag recorded by somebody else what its topics tell.
 
     Raises
     ------
     UserError
         When the bag holds no run of ours, or one that cannot have been.
     """
+    if not raw.run:
+        raw.run = inferred_run({name: loop_messages(raw, topic) for name, topic in BY_NAME.items()}) or {}
     if "scenario" not in raw.run:
         msg = f"{bag}: holds no run of acftc (the metadata record {RUN_RECORD!r} is missing or damaged)"
         raise UserError(msg)
@@ -332,6 +335,8 @@ def _read_file(reader: StreamReader, result: RawBag) -> None:
                 raise McapError(msg) from None
         elif isinstance(record, Schema | Channel):
             channels.define(record)
+        elif isinstance(record, Message):  # a recorder that makes no chunks
+            channels.messages.setdefault(record.channel_id, []).append((record.log_time, record.data))
         elif isinstance(record, Metadata) and record.name == RUN_RECORD:
             result.run = _run(record)
         elif isinstance(record, Metadata) and record.name == MENDED_RECORD:

@@ -1,30 +1,22 @@
 """A ROS 2 bag folder (MCAP and ``metadata.yaml``), written so that little is lost when the writer is killed.
 
-A writer that goes on after one that was killed adds a file of its own to the folder; `mend` makes such a folder whole.
+A writer that goes on after one that was killed adds a file of its own to the folder; `bags.mending` makes it one again.
 """
 
-import contextlib
 import json
-import struct
 import tempfile
 import time
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from os import SEEK_END
 from pathlib import Path
 from typing import IO, Any
 
 from mcap.data_stream import RecordBuilder
-from mcap.exceptions import EndOfFile, McapError
-from mcap.reader import make_reader
-from mcap.records import Channel, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader
-from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
+from mcap.writer import CompressionType, Writer
 
 from ac_common.errors import UserError
-from ac_common.files import open_whole, put_whole
-from ac_common.yaml_file import parsed, yaml_text
+from ac_common.files import put_whole
+from ac_common.yaml_file import yaml_text
 from ac_ros_common.type_definitions import definition, type_hash
 
 #: Small chunks: what is lost in a crash, and how long the writer stands still to compress one.
@@ -93,7 +85,7 @@ class BagWriter:
         self._first_ns: int | None = None
         self._last_ns = 0
         self._stream = self._file.open("wb")
-        self._writer = _writer(self._stream)
+        self._writer = new_writer(self._stream)
         self._index = IndexOnDisk(folder)
         self._writer.add_metadata(RUN_RECORD, {"run": self._run})
         schemas: dict[str, int] = {}
@@ -141,7 +133,7 @@ class BagWriter:
 
     def _write_metadata(self) -> None:
         """``metadata.yaml``; also written at the start, so that a bag cut short is a bag still."""
-        span = _span(self._first_ns or 0, self._last_ns, sum(self.counts))
+        span = span_of(self._first_ns or 0, self._last_ns, sum(self.counts))
         content = {
             "version": 9,
             "storage_identifier": "mcap",
@@ -166,7 +158,7 @@ class BagWriter:
             "custom_data": {"acftc_run": self._run},
             "ros_distro": "jazzy",
         }
-        _write_yaml(self.folder / "metadata.yaml", content)
+        write_metadata_file(self.folder / "metadata.yaml", content)
 
 
 class IndexOnDisk:
@@ -208,87 +200,8 @@ def bag_files(folder: Path) -> list[Path]:
     return sorted(folder.glob("*.mcap"), key=number)
 
 
-def mend(folder: Path) -> list[Path]:
-    """Make a bag whole of which a writer was killed: every file gets its end and its index, the metadata all counts.
-
-    What cannot be written (a full disk) or read stays as it is: `bags.reader` reads files that were cut short.
-
-    Returns
-    -------
-    list of Path
-        The files that were cut short.
-    """
-    cut = []
-    with contextlib.suppress(OSError, ValueError, KeyError, TypeError, McapError):
-        files = bag_files(folder)
-        cut = [file for file in files if not _has_end(file)]
-        for file in cut:
-            _rewrite(file)
-        if files and (cut or len(files) > 1):
-            _count_anew(folder, files)
-    return cut
-
-
-def _has_end(file: Path) -> bool:
-    with file.open("rb") as stream:
-        if stream.seek(0, SEEK_END) < 2 * len(MCAP0_MAGIC):
-            return False
-        stream.seek(-len(MCAP0_MAGIC), SEEK_END)
-        return stream.read() == MCAP0_MAGIC
-
-
-def _rewrite(file: Path) -> None:
-    """Copy what can be read of a file into one that ends as it should."""
-    with file.open("rb") as source, open_whole(file) as target:
-        writer = _writer(target)
-        writer.add_metadata(MENDED_RECORD, {})
-        schemas: dict[int, int] = {}
-        channels: dict[int, int] = {}
-        with contextlib.suppress(EndOfFile, McapError, struct.error):
-            for record in StreamReader(source).records:
-                if isinstance(record, Schema) and record.id not in schemas:
-                    schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
-                elif isinstance(record, Channel) and record.id not in channels:
-                    schema = schemas.get(record.schema_id, 0)
-                    channels[record.id] = writer.register_channel(
-                        record.topic, record.message_encoding, schema, record.metadata
-                    )
-                elif isinstance(record, Metadata):
-                    writer.add_metadata(record.name, record.metadata)
-                elif isinstance(record, Message):
-                    number = channels[record.channel_id]
-                    writer.add_message(number, record.log_time, record.data, record.publish_time, record.sequence)
-        writer.finish()  # type: ignore[no-untyped-call]
-
-
-def _count_anew(folder: Path, files: Sequence[Path]) -> None:
-    """Write the metadata of a bag again, from what its files' own statistics say."""
-    path = folder / "metadata.yaml"
-    content = parsed(path.read_text(encoding="utf-8"), str(path))["rosbag2_bagfile_information"]
-    counts: Counter[str] = Counter()
-    spans: list[tuple[int, int, int]] = []
-    for file in files:
-        with file.open("rb") as stream:
-            summary = make_reader(stream).get_summary()
-        statistics = summary.statistics if summary is not None else None
-        if summary is None or statistics is None:
-            spans.append((0, 0, 0))
-            continue
-        spans.append((statistics.message_start_time, statistics.message_end_time, statistics.message_count))
-        for number, count in statistics.channel_message_counts.items():
-            counts[summary.channels[number].topic] += count
-    full = [span for span in spans if span[2]]
-    start = min((first for first, _, _ in full), default=0)
-    end = max((last for _, last, _ in full), default=0)
-    content.update(_span(start, end, sum(counts.values())))
-    content["relative_file_paths"] = [file.name for file in files]
-    content["files"] = [{"path": file.name, **_span(*span)} for file, span in zip(files, spans, strict=True)]
-    for topic in content["topics_with_message_count"]:
-        topic["message_count"] = counts[topic["topic_metadata"]["name"]]
-    _write_yaml(path, content)
-
-
-def _span(first_ns: int, last_ns: int, count: int) -> dict[str, Any]:
+def span_of(first_ns: int, last_ns: int, count: int) -> dict[str, Any]:
+    """Return times and number of messages as the metadata of a bag has them."""
     return {
         "duration": {"nanoseconds": max(last_ns - first_ns, 0)},
         "starting_time": {"nanoseconds_since_epoch": first_ns},
@@ -296,14 +209,16 @@ def _span(first_ns: int, last_ns: int, count: int) -> dict[str, Any]:
     }
 
 
-_NOTHING = _span(0, 0, 0)
+_NOTHING = span_of(0, 0, 0)
 
 
-def _writer(stream: IO[bytes]) -> Writer:
+def new_writer(stream: IO[bytes]) -> Writer:
+    """Return a writer of a file of a bag, begun."""
     writer = Writer(stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, use_summary_offsets=False)
     writer.start(profile="ros2", library="acftc")
     return writer
 
 
-def _write_yaml(path: Path, content: Mapping[str, Any]) -> None:
+def write_metadata_file(path: Path, content: Mapping[str, Any]) -> None:
+    """Write ``metadata.yaml``."""
     put_whole(path, yaml_text({"rosbag2_bagfile_information": dict(content)}))

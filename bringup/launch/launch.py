@@ -1,7 +1,6 @@
 """Runs a scenario in a graph of processes: starts the nodes, brings them to life, and stops them, whatever happens."""
 
 import shlex
-import signal
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -12,11 +11,12 @@ from typing import TYPE_CHECKING
 from ac_common.errors import InterruptedRunError, RunError, UserError
 from ac_common.health import MissedTick, Restart, missed_ticks
 from ac_common.topics import NAMESPACE, PLANT, RECORDER, Topic, topics_in
-from ac_experiments.bags.recorder import mend
+from ac_experiments.bags.mending import mend
 from ac_experiments.designs import write_designs_of
 from ac_experiments.scenario_schema import Scenario
 from ac_plant_node.rest import prepare
 from ac_ros_common.realtime import AWAKE_VARIABLE
+from bringup.launch.interrupts import orderly_interrupts
 from bringup.launch.keep_cpus_awake import keep_awake
 from bringup.launch.node_parameters import Mode, NodeStarter, node_parameters
 from bringup.launch.process_table import ACTIVATION_ORDER, PROCESSES
@@ -208,15 +208,9 @@ def _prepare(out_dir: Path) -> None:
 @contextmanager
 def _interruptible(out_dir: Path) -> Iterator[None]:
     """Turn Ctrl-C and SIGTERM into one line, raised only after everything has been stopped."""
-
-    def interrupt(number: int, _frame: object) -> None:
-        raise KeyboardInterrupt(signal.Signals(number).name)
-
-    before = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    except KeyboardInterrupt:
-        msg = f"interrupted; {out_dir / 'bag'} holds what was recorded until then"
-        raise InterruptedRunError(msg) from None
-    finally:
-        signal.signal(signal.SIGTERM, before)
+    with orderly_interrupts():
+        try:
+            yield
+        except KeyboardInterrupt:
+            msg = f"interrupted; {out_dir / 'bag'} holds what was recorded until then"
+            raise InterruptedRunError(msg) from None

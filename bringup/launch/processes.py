@@ -18,6 +18,7 @@ from typing import IO, Any
 from ac_common.blas_threads import VARIABLE as BLAS_THREADS
 from ac_common.errors import UserError
 from ac_ros_common.exit_watchdog import STOOD
+from ac_ros_common.installation import check_environment, users_environment
 from ac_ros_common.process_exit import DISK_FULL, PARENT_VARIABLE, PATIENCE_S
 
 #: Times of Fast DDS for wherever discovery goes, and the same with messages over 127.0.0.1 alone.
@@ -56,10 +57,8 @@ class Domain:
     """A ROS domain for one run: the user's ROS_DOMAIN_ID, else the first from 0 on that no other run of ours uses."""
 
     def __init__(self) -> None:
+        check_environment()
         chosen = os.environ.get("ROS_DOMAIN_ID")
-        if chosen is not None and (not chosen.isdecimal() or int(chosen) > 232):
-            msg = f"ROS_DOMAIN_ID is {chosen!r}; allowed: 0 to 232"
-            raise UserError(msg)
         for number in [int(chosen)] if chosen is not None else DOMAINS:
             lock = _lock(number)
             if lock is not None:
@@ -123,7 +122,11 @@ def start(
     program: str = sys.executable,
     append: bool = False,
 ) -> Child:
-    """Start ``python arguments...``, or another program, in a process group of its own; `append`: to the log so far."""
+    """Start ``python arguments...``, or another program, in a process group of its own; `append`: to the log so far.
+
+    A program that is not this Python gets the ROS installation that its user has sourced.
+    """
+    given = {**os.environ, **environment, PARENT_VARIABLE: str(os.getpid())}
     log = log_folder / f"{name}.log"
     with log.open("ab" if append else "wb") as output:
         process = subprocess.Popen(
@@ -131,7 +134,7 @@ def start(
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=subprocess.STDOUT,
-            env={**os.environ, **environment, PARENT_VARIABLE: str(os.getpid())},
+            env=given if program == sys.executable else users_environment(given),
             process_group=0,
         )
     return Child(name, process, log)

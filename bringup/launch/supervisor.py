@@ -7,16 +7,17 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from typing import Any, Self
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.parameter import parameter_value_to_python
 
 from ac_common.errors import RunError
-from ac_common.health import BringupReport, HealthReport, Restart
-from ac_common.topics import BRINGUP, NAMESPACE, RECORDER, TOPICS, Topic
+from ac_common.health import HealthReport, Restart
+from ac_common.topics import BRINGUP, NAMESPACE, PLANT, RECORDER, TOPICS, Topic
 from ac_ros_common.client_node import client_node
 from ac_ros_common.qos import PLAIN_QOS
+from bringup.launch.announcer import Announcer
 from bringup.launch.graph_audit import GraphAudit
 from bringup.launch.lifecycle_client import LifecycleClient, ParameterRequest
 from bringup.launch.process_table import PROCESSES
@@ -27,8 +28,13 @@ from bringup.launch.user_nodes import UserNodes
 
 #: How often the processes are looked at while nothing comes in, s.
 LOOK_S = 0.05
-#: How often the graph is searched for what does not belong there, and bringup reports when it has something to, s.
+#: How often the graph is looked at for what does not belong there, s.
+GRAPH_PERIOD_S = 0.1
+#: How often it is searched though nothing in it has come or gone, and bringup reports when it has something to, s.
 REPORT_PERIOD_S = 0.5
+
+#: After so long of waiting for a user's node the user is told what of it is missing, s.
+TELL_AFTER_S = 5.0
 
 Revive = Callable[[str, dict[str, Any]], Child]
 
@@ -39,8 +45,8 @@ class Supervisor:
     A node reports its state and how many subscribers its outputs have found on /diagnostics whenever either changes;
     so readiness is an event, and a loop starts only when every writer knows every reader.
 
-    Of a user's node less is asked. One that reports like acftc's is treated like those. A managed node is driven
-    through its life cycle. Any other counts as ready when its topics are there; it suits the wall clock only.
+    Of a user's node less is asked. One that reports like acftc's is treated like those, a managed one is driven through
+    its life cycle, any other counts as ready when its topics are there; it suits the wall clock only.
     """
 
     #: How long all nodes together may take for one step; they only load, but the machine may have much else to do.
@@ -67,13 +73,12 @@ class Supervisor:
         self._users = user.names if user is not None else ()
         self._revive = revive
         self._is_over = is_over
-        self._say = say
         self._restarts = Restarts()
         self._silence = Silence(time.monotonic())
         self._changed: dict[str, dict[str, Any]] = {}  # parameters that were set while nodes ran
         self._is_running = False
-        self._looked_s = 0.0
-        self.unexpected: list[str] = []  # what is in the graph and does not belong there
+        self._looked_s = self._searched_s = 0.0
+        self.unexpected: list[str] = []
         self.health = Reports()
         # The middleware reads its settings from this process's environment.
         domain = environment.get("ROS_DOMAIN_ID")
@@ -86,7 +91,7 @@ class Supervisor:
         self._lifecycle = LifecycleClient(self.node, self._children)
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._heard, PLAIN_QOS)
         self.node.create_subscription(ParameterEvent, "/parameter_events", self._parameters_changed, PLAIN_QOS)
-        self._diagnostics = self.node.create_publisher(DiagnosticArray, "/diagnostics", PLAIN_QOS)
+        self._announcer = Announcer(self.node, self.health, say)
 
     def __enter__(self) -> Self:
         return self
@@ -113,7 +118,7 @@ class Supervisor:
         """Configure nodes (those that are not yet) and wait until `connected`."""
         unconfigured = [name for name in names if self.state(name) != "inactive"]
         self.change(unconfigured, Transition.TRANSITION_CONFIGURE, "inactive")
-        self._until(connected, self._unconnected)
+        self._until(connected, lambda: f"{self._audit.unconnected()} not connected")
 
     def wait_for(self, states: Mapping[str, str]) -> None:
         """Wait until nodes that manage themselves have reached these states."""
@@ -179,9 +184,11 @@ class Supervisor:
         self._end_what_hangs(now_s)
         for name in self._restarts.take_due(now_s):
             self._start_again(name)
-        if self._is_running and now_s - self._looked_s >= REPORT_PERIOD_S:
+        if self._is_running and now_s - self._looked_s >= GRAPH_PERIOD_S:
             self._looked_s = now_s
-            self._look_for_unexpected()
+            if self._audit.has_changed() or now_s - self._searched_s >= REPORT_PERIOD_S:
+                self._searched_s = now_s
+                self._look_for_unexpected()
 
     # -- details ------------------------------------------------------------------------------------------------
 
@@ -194,6 +201,8 @@ class Supervisor:
                 continue
             if not self._restarts.is_of_dead(name, HealthReport.read(said)):
                 self.health[name] = said
+                if name == PLANT:
+                    self._announcer.plant_stamp = message.header.stamp
                 self._silence.heard(name, time.monotonic())
                 self._note_return(name)
 
@@ -201,14 +210,18 @@ class Supervisor:
         """Whether a user's node is there and has no life cycle."""
         return name in self._users and not self._lifecycle.is_managed(name) and self._audit.publishes_all(name)
 
-    def _unconnected(self) -> str:
-        return ", ".join(name for name in self._children if not self._audit.is_connected(name)) + " not connected"
-
     def _until(self, condition: Callable[[], bool], what: Callable[[], str]) -> None:
         started_s = time.monotonic()
+        is_told = not self._users
         while not condition():
             self.spin()
-            if time.monotonic() - started_s > self.patience_s:
+            waited_s = time.monotonic() - started_s
+            if not is_told and waited_s > TELL_AFTER_S:
+                is_told = True
+                for name in (user for user in self._users if not self._lifecycle.is_managed(user)):
+                    if lacking := self._audit.lacking(name):
+                        self._announcer.tell(f"waiting for your {name}: {'; '.join(lacking)}")
+            if waited_s > self.patience_s:
                 raise RunError(f"the nodes did not get ready in {self.patience_s:g} s: {what()}")
 
     def _end_what_hangs(self, now_s: float) -> None:
@@ -238,36 +251,30 @@ class Supervisor:
         # In the time of the run, by the plant's word for when it began on the monotonic clock.
         run_s = round(time.monotonic() - self.health.of_plant().epoch_monotonic_s, 3)
         self._restarts.add(name, pid, run_s, reason)
-        self._say(f"node {name} died ({reason}) and is started again")
+        self._announcer.tell(f"node {name} died ({reason}) and is started again")
 
     def _start_again(self, name: str) -> None:
         assert self._revive is not None
         first_ns = self.health.of_plant().first_ns
         changed = {"run_start_ns": first_ns} if first_ns is not None and name != RECORDER else {}
         self._children[name] = self._revive(name, {**self._changed.get(name, {}), **changed})
-        self._report()
+        self._announcer.report(self._restarts, self.unexpected)
 
     def _note_return(self, name: str) -> None:
         """Note that a node that had died works again."""
         if (self.health.of(name).ticks or 0) > 0:
             for restart in self._restarts.back(name, time.monotonic()):
-                self._say(f"node {name} is back in service after {restart.back_s - restart.died_s:.1f} s")
-                self._report()
+                self._announcer.tell(f"node {name} is back in service after {restart.back_s - restart.died_s:.1f} s")
+                self._announcer.report(self._restarts, self.unexpected)
 
     def _look_for_unexpected(self) -> None:
         """Say what is new in the graph and does not belong there, and report as long as there is something to."""
         found = self._audit.unexpected([restart.node for restart in self.restarts])
         if found or found != self.unexpected or self.restarts:
             for line in sorted(set(found) - set(self.unexpected)):
-                self._say(line)
+                self._announcer.tell(line)
             self.unexpected = found
-            self._report()
-
-    def _report(self) -> None:
-        """Tell on /diagnostics, and so in the bag, what was done."""
-        message = DiagnosticArray(status=[_health(self._restarts, self.unexpected)])
-        message.header.stamp = self.node.get_clock().now().to_msg()
-        self._diagnostics.publish(message)
+            self._announcer.report(self._restarts, self.unexpected)
 
     def _parameters_changed(self, event: ParameterEvent) -> None:
         """Remember what was set while a node ran: it must hold after a restart."""
@@ -281,15 +288,3 @@ class Supervisor:
         if child is None:
             return f"node {name} {how}: see its own output; a run wants it unconfigured (parameter autostart: false)"
         return f"node {name} {how}: {child.last_words()} (log: {child.log})"
-
-
-def _health(restarts: Restarts, unexpected: list[str]) -> DiagnosticStatus:
-    """Return the health report of bringup itself."""
-    waiting = restarts.waiting
-    said = BringupReport(tuple(restarts.all), tuple(unexpected)).values()
-    return DiagnosticStatus(
-        level=DiagnosticStatus.WARN if waiting or unexpected else DiagnosticStatus.OK,
-        name=f"{NAMESPACE}/{BRINGUP}",
-        message=f"restarting {', '.join(waiting)}" if waiting else "; ".join(unexpected) or "all is well",
-        values=[KeyValue(key=key, value=value) for key, value in said.items()],
-    )

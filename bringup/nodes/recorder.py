@@ -1,5 +1,10 @@
 """Node `recorder`: every message of the loop, as it came over the wire, into a bag."""
 
+from ac_ros_common.installation import begin_node
+
+if __name__ == "__main__":
+    begin_node()
+
 import json
 import sys
 import time
@@ -18,7 +23,7 @@ from ac_experiments.bags.recorder import BagWriter, RecordedTopic
 from ac_ros_common.inputs import Arrival, Subscriptions
 from ac_ros_common.loop_node import IDLE_S, LoopNode, run_node
 from ac_ros_common.parameters import MODE, Parameter
-from ac_ros_common.qos import DEADLINE_S, DEPTH, LOOP_QOS, PLAIN_QOS
+from ac_ros_common.qos import DEADLINE_S, DEPTH, PLAIN_QOS
 
 #: Far below what the middleware keeps for a slow reader, and below the bag's flush period.
 TAKE_PERIOD_S = 0.02
@@ -45,6 +50,7 @@ class RecorderNode(LoopNode):
         super().__init__(RECORDER, PARAMETERS)
         self._bag: BagWriter | None = None
         self._finished_s: float | None = None
+        self._last_ns = 0
         self._complete = False
 
     def configure(self) -> None:
@@ -71,8 +77,12 @@ class RecorderNode(LoopNode):
         self._bag = BagWriter(Path(self.value("folder")), topics, run, append=self.value("append"))
         self._raw = Subscriptions(self.context, self._write)
         for topic in topics:
-            qos = LOOP_QOS if topic.deadline_s else PLAIN_QOS
-            self._raw.add(self.subscribe(topic.type, topic.name, qos))
+            self._raw.add(self.subscribe(topic.type, topic.name, PLAIN_QOS))
+
+    @property
+    def time_ns(self) -> int:
+        """Time on this node's clock, ns: in lockstep that of the newest message."""
+        return self._last_ns if self.value("mode") == "lockstep" else super().time_ns
 
     def work(self, executor: SingleThreadedExecutor) -> None:
         """Take what has piled up now and then: waking for every single message would cost more than writing it."""

@@ -1,24 +1,34 @@
 """Node `scenario`: answers each tick of the plant with that tick's references, air side and faults.
 
 References and air follow the scenario and, on top of it, live: set the parameters (``reference.superheat_k``, ...)
-while the loop runs; a change takes ``ramp_s``.
+while the loop runs, or publish a reference, once and with any stamp, on ``~/reference/superheat`` or
+``~/reference/evaporator_pressure``; a change takes ``ramp_s``.
 """
 
+from ac_ros_common.installation import begin_node
+
+if __name__ == "__main__":
+    begin_node()
+
 import json
+import math
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from rclpy.parameter import Parameter as RosParameter
 
 from ac_common.ramp import LiveOffset
 from ac_common.signals import Reference, topics_of
-from ac_common.topics import AIR_SIDE, BY_NAME, SCENARIO
+from ac_common.topics import AIR_SIDE, BY_NAME, SCALARS, SCENARIO, Topic
 from ac_common.units import KPA
 from ac_experiments.scenario_schema import Air, References, targets_within
 from ac_plant_node.rest import rest_at
 from ac_ros_common.loop_node import LoopNode, run_node
+from ac_ros_common.messages import message_class
 from ac_ros_common.parameters import MODE, RUN_START, Parameter
+from ac_ros_common.qos import PLAIN_QOS
 
 _P_E = targets_within(References, "evaporator_pressure_kpa")
 _SUPERHEAT = targets_within(References, "superheat_k")
@@ -83,6 +93,7 @@ class ScenarioNode(LoopNode):
     def __init__(self) -> None:
         super().__init__(SCENARIO, PARAMETERS)
         self._offsets: dict[str, LiveOffset] = {}
+        self._played: list[float] = []
         self.add_post_set_parameters_callback(self._changed)
 
     def configure(self) -> None:
@@ -111,6 +122,9 @@ class ScenarioNode(LoopNode):
             ),
         )
         self._offsets = {parameter.name: LiveOffset(self.value(parameter.name)) for parameter in OFFSETS}
+        self._played = []
+        for number, name in enumerate(topics_of("reference", Reference)):
+            self._listen(BY_NAME[name], OFFSETS[number].name, number)
         self.on_tick(("plant/evaporator_pressure",), self._play, holds_s={"plant/evaporator_pressure": HOLD_S})
 
     @property
@@ -123,6 +137,7 @@ class ScenarioNode(LoopNode):
             self._start_ns = time_ns
         tick = round((time_ns - self._start_ns) / self._tick_ns)
         row = self._rows[min(tick, len(self._rows) - 1)].tolist()
+        self._played = row
         played, faults, car = row[: len(PLAYED)], row[len(PLAYED) : FAULTS_END], row[FAULTS_END:]
         time_s = time_ns / 1e9
         more = [unit * offset.value(time_s) for unit, offset in zip(self._units, self._offsets.values(), strict=True)]
@@ -131,6 +146,25 @@ class ScenarioNode(LoopNode):
             self.send(time_ns, "scenario/car", *car)
         for topic, value, offset, (low, high) in zip(PLAYED, played, more, self._allowed, strict=True):
             self.send(time_ns, topic, min(max(value + offset, low), high))
+
+    def _listen(self, topic: Topic, offset: str, number: int) -> None:
+        """Have a reference changed by whoever publishes it on a topic of this node's own."""
+        field = SCALARS[topic.type].field
+        where = f"~/{topic.name}"
+
+        def take(message: Any) -> None:
+            value = float(getattr(message, field))
+            if not self._played or not math.isfinite(value):
+                why = f"{value} is not a finite number" if self._played else "the loop does not run yet"
+                self.health.reject(where, "reference", f"{where}: {why}")
+                return
+            change = RosParameter(offset, value=value - self._played[number])
+            (result,) = self.set_parameters([change])
+            if not result.successful:
+                self.health.reject(where, "reference", f"{where}: {value:g}: {result.reason}")
+
+        kind = message_class(topic.type)
+        self._subscribed.append(self.create_subscription(kind, where, take, PLAIN_QOS))
 
     def _changed(self, parameters: Sequence[RosParameter]) -> None:
         """Begin the live changes that have been asked for."""

@@ -64,9 +64,9 @@ def topics_page() -> str:
             "",
             "## Quality of service",
             "",
-            f"Loop topics: reliable, volatile, keep last {DEPTH}, deadline {DEADLINE_S:g} s. A publisher of your own",
-            "must offer reliable delivery and no longer a deadline, or our subscribers do not match with it. A",
-            "subscriber of your own matches with the defaults. `/clock` and `/diagnostics`: reliable, no deadline.",
+            f"Loop topics: reliable, volatile, keep last {DEPTH}. Our publishers offer a deadline of {DEADLINE_S:g} s;",
+            "our subscribers ask for none. So a publisher of your own matches when it is reliable, as with the",
+            "defaults, and a subscriber of your own with the defaults. `/clock` and `/diagnostics`: no deadline.",
             "",
         ]
     )

@@ -54,6 +54,14 @@ def test_foxglove_places_every_panel_once() -> None:
     assert sorted(leaves(layout["layout"])) == sorted(layout["configById"])
 
 
+def test_foxglove_and_lichtblick_show_the_titles_and_legends_are_off_the_data() -> None:
+    layout = json.loads((FOLDER / "foxglove.json").read_text(encoding="utf-8"))
+    for panel in layout["configById"].values():
+        assert panel["foxglovePanelTitle"] == panel["lichtblickPanelTitle"] != ""
+        assert "title" not in panel  # which neither program shows
+        assert panel.get("legendDisplay", "top") == "top"
+
+
 def test_plotjuggler_sizes_fit_the_panels() -> None:
     for splitter in ET.parse(FOLDER / "plotjuggler.xml").iter("DockSplitter"):
         sizes = [float(size) for size in splitter.get("sizes", "").split(";")]

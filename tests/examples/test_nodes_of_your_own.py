@@ -159,6 +159,18 @@ def test_a_plain_node_stands_in_for_the_plant(
     assert np.nanmax(np.abs(run.series["plant/evaporator_pressure"] - 251.2e3)) < 500
 
 
+def test_a_bench_that_does_not_come_is_told_what_is_missing(folder: Path, environment: dict[str, str]) -> None:
+    command = ["run", "nominal", "--mode", "realtime", "--passive", "--without", "ac_plant", "--out", "bench"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "bringup.cli", *command], cwd=folder, env=environment, stderr=subprocess.PIPE, text=True
+    ) as run:
+        assert run.stderr is not None
+        said = next(line for line in run.stderr if "waiting for your ac_plant" in line)
+        run.send_signal(signal.SIGINT)
+        run.communicate(timeout=60)
+    assert "/ac/plant/evaporator_pressure: no publisher (sensor_msgs/msg/FluidPressure, reliable)" in said
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -17,7 +17,8 @@ def test_package_xml_agrees_with_pyproject() -> None:
     package = ET.parse(ROOT / "package.xml").getroot()
     assert package.findtext("name") == project["name"]
     assert package.findtext("version") == project["version"]
-    assert package.findtext("license") == project["license"]
+    assert package.findtext("license") == "Apache-2.0"
+    assert project["classifiers"] == ["License :: OSI Approved :: Apache Software License"]
     assert package.findtext("export/build_type") == "ament_python"
     assert (ROOT / "resource" / project["name"]).exists()
     executables = {"fdi_node", "ac_plant_node", "fault_injector_node", "compensator_node", "gimc_controller_node"}
@@ -27,10 +28,22 @@ def test_package_xml_agrees_with_pyproject() -> None:
 def test_what_is_imported_is_declared_and_the_recipe_for_colcon_has_it() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     declared = {re.split(r"[<>=\[]", text)[0] for text in project["dependencies"]}
-    names = {"Jinja2": "jinja2", "MarkupSafe": "markupsafe", "ros-jazzy-rclpy": "rclpy", "ruamel.yaml": "ruamel"}
+    names = {
+        "Jinja2": "jinja2",
+        "MarkupSafe": "markupsafe",
+        "ros-jazzy-rclpy": "rclpy",
+        "ruamel.yaml": "ruamel",
+        "foxglove-sdk": "foxglove",
+    }
+    names["foxglove-sdk"] = "foxglove"
     modules = {names.get(name, name) for name in declared if name != "ros-jazzy-common-interfaces"}
     used: set[str] = set().union(*map(first_parts, FILES))
-    messages = {topic.type.split("/")[0] for topic in TOPICS} | {"lifecycle_msgs", "std_srvs", "rcl_interfaces"}
+    messages = {topic.type.split("/")[0] for topic in TOPICS} | {
+        "lifecycle_msgs",
+        "std_srvs",
+        "rcl_interfaces",
+        "builtin_interfaces",
+    }
     foreign = used - set(sys.stdlib_module_names) - set(PACKAGES) - messages
     assert foreign - {"ament_index_python"} <= modules  # that one belongs to rclpy
     recipe = (ROOT / "docs" / "ros2.md").read_text().partition("pip install")[2]
