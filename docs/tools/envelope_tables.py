@@ -137,17 +137,28 @@ def tables(rows: list[dict[str, Any]], faults: dict[str, tuple[dict[str, Any], b
         kind = got[0]["kind"]
         delays = np.array([g["first_s"] if g["first"] == kind else np.inf for g in got])
         right = int(np.isfinite(delays).sum())
-        lines.append(f"{name}: isolated rightly first {_share(right, len(got))}, median {np.median(delays):.1f} s, "
-                     f"95 % {np.quantile(delays, 0.95, method='higher'):.1f} s, last {delays.max():.1f} s; within 60 s "
-                     f"{int((delays <= 60.0).sum())}; wrong names {[g['seed'] for g in ()] or sorted({n for g in got for n in g['names']} - {kind})}, "
-                     f"in {sum(g['wrong_s'] > 0 for g in got)} drives; alarms before {sum(g['alarms_before'] > 0 for g in got)}")
-        off = np.array([(g["pressure_off"], g["superheat_off"], g["speed_change"], g["peak"] - g["peak_healthy"], g["peak_off"]) for g in got])
-        lines.append(f"   from 60 s on off healthy: p_e {np.quantile(off[:, 0], 0.95):.2f} (95 %) {off[:, 0].max():.2f} kPa, SH {np.quantile(off[:, 1], .95):.2f} {off[:, 1].max():.2f} K; "
-                     f"speed {off[:, 2].min():.1f} to {off[:, 2].max():.1f} rpm; peak over healthy's {np.quantile(off[:, 3], 0.95):.2f} {off[:, 3].max():.2f} kPa; off healthy {off[:,4].max():.2f}")
+        lines.append(
+            f"{name}: isolated rightly first {_share(right, len(got))}, median {np.median(delays):.1f} s, "
+            f"95 % {np.quantile(delays, 0.95, method='higher'):.1f} s, last {delays.max():.1f} s; within 60 s "
+            f"{int((delays <= 60.0).sum())}; wrong names {[g['seed'] for g in ()] or sorted({n for g in got for n in g['names']} - {kind})}, "
+            f"in {sum(g['wrong_s'] > 0 for g in got)} drives; alarms before {sum(g['alarms_before'] > 0 for g in got)}"
+        )
+        off = np.array(
+            [
+                (g["pressure_off"], g["superheat_off"], g["speed_change"], g["peak"] - g["peak_healthy"], g["peak_off"])
+                for g in got
+            ]
+        )
+        lines.append(
+            f"   from 60 s on off healthy: p_e {np.quantile(off[:, 0], 0.95):.2f} (95 %) {off[:, 0].max():.2f} kPa, SH {np.quantile(off[:, 1], 0.95):.2f} {off[:, 1].max():.2f} K; "
+            f"speed {off[:, 2].min():.1f} to {off[:, 2].max():.1f} rpm; peak over healthy's {np.quantile(off[:, 3], 0.95):.2f} {off[:, 3].max():.2f} kPa; off healthy {off[:, 4].max():.2f}"
+        )
         if beside:
             worse = [g["peak"] - g["peak_alone"] for g in got]
             iae = np.array([np.divide(g["iae"], g["iae_alone"]) for g in got])
-            lines.append(f"   peak over K0 alone's at most {max(worse):.2f} kPa ({sum(w > 0.05 for w in worse)} drives above); IAE over K0 alone's p_e median {np.median(iae[:,0]):.2f} most {iae[:, 0].max():.2f}, SH {iae[:, 1].max():.2f}")
+            lines.append(
+                f"   peak over K0 alone's at most {max(worse):.2f} kPa ({sum(w > 0.05 for w in worse)} drives above); IAE over K0 alone's p_e median {np.median(iae[:, 0]):.2f} most {iae[:, 0].max():.2f}, SH {iae[:, 1].max():.2f}"
+            )
     return "\n".join(lines)
 
 
