@@ -124,42 +124,55 @@ def _share(good: int, of: int) -> str:
 
 
 def tables(rows: list[dict[str, Any]], faults: dict[str, tuple[dict[str, Any], bool]]) -> str:
-    """Return the figures of all drives in words."""
+    """Return the figures of all drives as Markdown."""
     alarms, hours = sum(row["false_alarms"] for row in rows), sum(row["hours"] for row in rows)
     most = chi2.ppf(0.975, 2 * alarms + 2) / 2.0 / hours
     ratio = np.array([np.divide(row["iae"], row["iae_alone"]) for row in rows])
     lines = [
-        f"healthy: {alarms} false alarms in {hours:.1f} h (at most {most:.3f} an hour, 95 %)",
-        f"IAE with accommodation over K0 alone: p_e {ratio[:, 0].max():.4f}, SH {ratio[:, 1].max():.4f} at most",
+        f"Healthy: {alarms} false alarms in {hours:.1f} h, at most {most:.3f} an hour (95 %, Poisson). IAE over that of K0 "
+        f"alone, the worst drive: p_e {ratio[:, 0].max():.4f}, SH {ratio[:, 1].max():.4f}.",
+        "",
+        "| fault | right first | median, 95 %, last, s | within 60 s | drives with a wrong name | off healthy from 60 s on: "
+        "p_e kPa, SH K (95 %, worst) | command, rpm | peak over the drive's own, kPa (95 %, worst) | peak over K0 alone's "
+        "| IAE over K0 alone's: p_e, SH (median, worst) |",
+        "|---|---|---|---|---|---|---|---|---|---|",
     ]
-    for name, (_, beside) in faults.items():
-        got = [row[name] for row in rows]
-        kind = got[0]["kind"]
-        delays = np.array([g["first_s"] if g["first"] == kind else np.inf for g in got])
-        right = int(np.isfinite(delays).sum())
-        lines.append(
-            f"{name}: isolated rightly first {_share(right, len(got))}, median {np.median(delays):.1f} s, "
-            f"95 % {np.quantile(delays, 0.95, method='higher'):.1f} s, last {delays.max():.1f} s; within 60 s "
-            f"{int((delays <= 60.0).sum())}; wrong names {[g['seed'] for g in ()] or sorted({n for g in got for n in g['names']} - {kind})}, "
-            f"in {sum(g['wrong_s'] > 0 for g in got)} drives; alarms before {sum(g['alarms_before'] > 0 for g in got)}"
-        )
-        off = np.array(
-            [
-                (g["pressure_off"], g["superheat_off"], g["speed_change"], g["peak"] - g["peak_healthy"], g["peak_off"])
-                for g in got
-            ]
-        )
-        lines.append(
-            f"   from 60 s on off healthy: p_e {np.quantile(off[:, 0], 0.95):.2f} (95 %) {off[:, 0].max():.2f} kPa, SH {np.quantile(off[:, 1], 0.95):.2f} {off[:, 1].max():.2f} K; "
-            f"speed {off[:, 2].min():.1f} to {off[:, 2].max():.1f} rpm; peak over healthy's {np.quantile(off[:, 3], 0.95):.2f} {off[:, 3].max():.2f} kPa; off healthy {off[:, 4].max():.2f}"
-        )
-        if beside:
-            worse = [g["peak"] - g["peak_alone"] for g in got]
-            iae = np.array([np.divide(g["iae"], g["iae_alone"]) for g in got])
-            lines.append(
-                f"   peak over K0 alone's at most {max(worse):.2f} kPa ({sum(w > 0.05 for w in worse)} drives above); IAE over K0 alone's p_e median {np.median(iae[:, 0]):.2f} most {iae[:, 0].max():.2f}, SH {iae[:, 1].max():.2f}"
-            )
+    lines += ["| " + " | ".join(_cells(name, [row[name] for row in rows])) + " |" for name in faults]
     return "\n".join(lines)
+
+
+def _cells(name: str, got: list[dict[str, Any]]) -> list[str]:
+    """Return the cells of a fault's row."""
+    kind = got[0]["kind"]
+    delays = np.array([one["first_s"] if one["first"] == kind else np.inf for one in got])
+    late = np.quantile(delays, 0.95, method="higher")
+    wrong: dict[str, int] = {}
+    for one in got:
+        for other in {*one["names"]} - {kind}:
+            wrong[other] = wrong.get(other, 0) + 1
+    pressure, superheat = ([one[key] for one in got] for key in ("pressure_off", "superheat_off"))
+    speed, peak = [one["speed_change"] for one in got], [one["peak"] - one["peak_healthy"] for one in got]
+    cells = [
+        name,
+        _share(int(np.isfinite(delays).sum()), len(got)),
+        f"{np.median(delays):.1f}, {late:.1f}, {delays.max():.1f}",
+        str(int((delays <= 60.0).sum())),
+        ", ".join(f"{other} {count}" for other, count in sorted(wrong.items())) or "none",
+        f"{_worst(pressure)}; {_worst(superheat)}",
+        f"{min(speed):.1f} to {max(speed):.1f}",
+        _worst(peak),
+    ]
+    if "peak_alone" not in got[0]:
+        return [*cells, "", ""]
+    iae = np.array([np.divide(one["iae"], one["iae_alone"]) for one in got])
+    more = max(one["peak"] - one["peak_alone"] for one in got)
+    medians, most = np.median(iae, axis=0), iae.max(axis=0)
+    return [*cells, f"{more:.2f}", f"{medians[0]:.2f}, {most[0]:.2f}; {medians[1]:.2f}, {most[1]:.2f}"]
+
+
+def _worst(values: list[float]) -> str:
+    """Return the 95 % quantile and the largest of some values."""
+    return f"{np.quantile(values, 0.95):.2f}, {max(values):.2f}"
 
 
 def main() -> None:
