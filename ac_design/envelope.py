@@ -41,7 +41,7 @@ class EnvelopeWeights:
 
     reading_std: tuple[float, ...] = (200.0, 0.1, 0.05, 2000.0)
     state_noise: tuple[float, ...] = tuple(_STATE_NOISE.tolist())
-    rate_share: float = 0.03
+    rate_share: float = 0.04
     limits: Limits = field(default_factory=Limits)
 
 

@@ -70,17 +70,17 @@ class Limits:
     """
 
     natural: float = 25.0
-    likely: float = 36.0
+    likely: float = 50.0
     likely_unknown: float = 100.0
     plain: float = 300.0
     certain: float = 1000.0
     ahead: float = 10.0
     ahead_natural: float = 4.0
-    ahead_share: float = 0.02
+    ahead_share: float = 0.01
     common_bonus: float = 15.0
     hold_s: float = 0.4
-    hold_unsure_s: float = 2.0
-    undecided_s: float = 10.0
+    hold_unsure_s: float = 3.0
+    undecided_s: float = 30.0
     unclear_s: float = 90.0
     clear_s: float = 20.0
     settle_s: float = 20.0

@@ -8,7 +8,8 @@ be V_h v more and its innovation G_h v with G = C V, both by the filter's own re
 
 so ``d_h^2 / S_h`` is twice the log-likelihood ratio of "h has jumped" to "nothing has", and ``d_h / S_h`` its size.
 What jumps has a prior variance, which adds its inverse to S. A valve that is stuck has no size to be found: its opening
-is off by what the command has done since, and the ratio is ``2 d - S``.
+is off by what the command has done since, and the ratio is ``2 d - S``. A small jump of the pressure's sensor differs
+from a fault of the compressor by its first ticks, so for it every tick is a possible beginning.
 """
 
 import numpy as np
@@ -16,7 +17,7 @@ import numpy as np
 from ac_plant_node.dynamics.balances import N_STATES
 from ac_plant_node.dynamics.drive import OPENING
 from fdi_node.envelope.compiled import Array, jit
-from fdi_node.envelope.memory import LARGEST, N_WINDOWS, Memory, Rules
+from fdi_node.envelope.memory import ABRUPT, LARGEST, N_BEGINNINGS, N_ONSETS, N_WINDOWS, Memory, Rules
 from fdi_node.envelope.model import SCALE
 
 SHORTEST_S, LONGEST_S = 1, 64
@@ -31,18 +32,43 @@ LINEARISED = 0.2
 
 
 @jit
+def _column(beginning: int, h: int, q: int) -> int:
+    """Column of V of a beginning, a window or one of the onsets behind them, and of the h-th that may jump."""
+    return beginning * q + h if beginning < N_WINDOWS else N_WINDOWS * q + beginning - N_WINDOWS
+
+
+@jit
+def _begin_column(m: Memory, rules: Rules, at: int, h: int) -> None:
+    for i in range(m.V.shape[0]):
+        m.V[i, at] = 0.0
+    if rules.prior[h] >= 0.0:
+        m.V[N_STATES + int(rules.jumping[h]), at] = 1.0
+    m.S[at] = m.d[at] = 0.0
+
+
+@jit
 def begin(m: Memory, rules: Rules, window: int) -> None:
     """Begin a window anew: what jumps would do so now."""
     q = rules.jumping.shape[0]
     for h in range(q):
-        at = window * q + h
-        for i in range(m.V.shape[0]):
-            m.V[i, at] = 0.0
-        if rules.prior[h] >= 0.0:
-            m.V[N_STATES + int(rules.jumping[h]), at] = 1.0
-        m.S[at] = m.d[at] = 0.0
+        _begin_column(m, rules, window * q + h, h)
     m.age[window] = m.telling[window] = 0.0
     m.opening[window] = m.held[OPENING]
+
+
+@jit
+def _begin_onset(m: Memory, rules: Rules, tick: int) -> None:
+    """Begin with an abrupt jump in this tick; the one that gives way is kept if it is the likeliest so far."""
+    q, kept = rules.jumping.shape[0], N_BEGINNINGS - 1
+    onset = N_WINDOWS + tick % N_ONSETS
+    at, to = _column(onset, ABRUPT, q), _column(kept, ABRUPT, q)
+    too_old = m.age[kept] * rules.constants[0] > LONGEST_S
+    if too_old or _ratio(m, rules, at, ABRUPT) > _ratio(m, rules, to, ABRUPT):
+        for i in range(m.V.shape[0]):
+            m.V[i, to] = m.V[i, at]
+        m.S[to], m.d[to], m.age[kept] = m.S[at], m.d[at], m.age[onset]
+    _begin_column(m, rules, at, ABRUPT)
+    m.age[onset] = 0.0
 
 
 @jit
@@ -50,6 +76,9 @@ def begin_all(m: Memory, rules: Rules) -> None:
     """Begin all windows anew."""
     for window in range(N_WINDOWS):
         begin(m, rules, window)
+    for onset in range(N_WINDOWS, N_BEGINNINGS):
+        _begin_column(m, rules, _column(onset, ABRUPT, rules.jumping.shape[0]), ABRUPT)
+        m.age[onset] = 0.0
 
 
 @jit
@@ -67,8 +96,9 @@ def begin_due(m: Memory, rules: Rules, tick: int) -> None:
         startled = startled or abs(m.e[r]) > STARTLING * m.s[r]
     if startled and m.age[last] > per_second and m.telling[last] <= SPEAKING:
         begin(m, rules, last)
-    for window in range(N_WINDOWS):
-        m.age[window] += 1.0
+    _begin_onset(m, rules, tick)
+    for beginning in range(N_BEGINNINGS):
+        m.age[beginning] += 1.0
 
 
 @jit
@@ -129,7 +159,12 @@ def judge(m: Memory, rules: Rules) -> None:
             m.telling[window] = max(m.telling[window], ratio)
             if ratio > m.ratios[h]:
                 m.ratios[h], m.best[h] = ratio, window
-        m.scalars[LARGEST] = max(m.scalars[LARGEST], m.telling[window])
+    for onset in range(N_WINDOWS, N_BEGINNINGS):
+        ratio = _ratio(m, rules, _column(onset, ABRUPT, q), ABRUPT)
+        if ratio > m.ratios[ABRUPT]:
+            m.ratios[ABRUPT], m.best[ABRUPT] = ratio, onset
+    for h in range(q):
+        m.scalars[LARGEST] = max(m.scalars[LARGEST], m.ratios[h])
 
 
 @jit
@@ -147,7 +182,7 @@ def accept(m: Memory, rules: Rules, h: int, dz: Array) -> None:
     left out.
     """
     n = m.P.shape[0]
-    at = int(m.best[h]) * rules.jumping.shape[0] + h
+    at = _column(int(m.best[h]), h, rules.jumping.shape[0])
     for i in range(n):
         dz[i] = 0.0
     if rules.prior[h] >= 0.0:

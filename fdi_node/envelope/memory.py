@@ -13,6 +13,11 @@ from fdi_node.envelope.model import N_READINGS
 
 N_WINDOWS = 8
 """Windows in which jumps are looked for; the last is for those that startle."""
+N_ONSETS = 10
+"""Ticks for each of which an abrupt jump is looked for, beside; the likeliest before them is kept."""
+ABRUPT = 1
+"""Which of those that may jump does so in one tick: the sensor of the evaporator's pressure."""
+N_BEGINNINGS = N_WINDOWS + N_ONSETS + 1
 
 TICKS, LOST, AGE, ZETA_THEN, SPEED_THEN, OPENING_THEN, DOUBT, NIS, GATED, LARGEST = range(10)
 """Scalars: ticks observed; corrections that led outside the model's domain and were taken back; ticks since the last
@@ -46,9 +51,10 @@ class Memory(NamedTuple):
     integration vector before the last correction and after it; `par`, `held`: the plant's, unknowns included; `e`, `s`
     (4,): innovations and their standard deviations; `white` (4,): innovations of the readings one after the other over
     theirs; `P` (n, n), `A`, `F` (12, n), `C`, `PC` (4, n): covariance, Jacobian, transition, Jacobian of the readings,
-    C P, all in units of the scales; `V` (n, w q), `S`, `d` (w q,): of the jumps in w windows, as in `jumps`; `age`,
-    `telling`, `opening` (w,): a window's ticks, its largest ratio, the valve's opening when it began; `ratios`,
-    `best` (q,): of each jump the largest ratio, and its window.
+    C P, all in units of the scales; `V` (n, w q + 11), `S`, `d` (w q + 11,): as in `jumps`, of the jumps in w windows,
+    then of the abrupt one from each of the last ticks on, and of the one that is kept; `age` (w + 11,): ticks of each;
+    `telling`, `opening` (w,): a window's largest ratio, the valve's opening when it began; `ratios`, `best` (q,): of
+    each jump the largest ratio, and which beginning it is of.
     """
 
     work: Array
@@ -97,14 +103,15 @@ def memory_of(flat: Array, m: int, q: int) -> Memory:
     s = r + N_STATES * n
     t = s + N_READINGS * n
     u = t + N_READINGS * n
-    v = u + n * w * q
-    x = v + w * q
-    y = x + w * q
-    z = y + w
+    columns = w * q + N_ONSETS + 1
+    v = u + n * columns
+    x = v + columns
+    y = x + columns
+    z = y + N_BEGINNINGS
     return Memory(
         flat[:a], flat[a:b], flat[b:c], flat[c:e], flat[e:f], flat[f:g], flat[g:h], flat[h:i], flat[i:j], flat[j:k],
         flat[k:o], flat[o:p].reshape(n, n), flat[p:r].reshape(N_STATES, n), flat[r:s].reshape(N_STATES, n),
-        flat[s:t].reshape(N_READINGS, n), flat[t:u].reshape(N_READINGS, n), flat[u:v].reshape(n, w * q), flat[v:x],
+        flat[s:t].reshape(N_READINGS, n), flat[t:u].reshape(N_READINGS, n), flat[u:v].reshape(n, columns), flat[v:x],
         flat[x:y], flat[y:z], flat[z : z + w], flat[z + w : z + 2 * w], flat[z + 2 * w : z + 2 * w + q],
         flat[z + 2 * w + q : z + 2 * w + 2 * q],
     )  # fmt: skip
@@ -116,5 +123,6 @@ N_PARAMETERS = len(NAMES)
 def new_memory(m: int, q: int) -> Array:
     """Return the array of an observer with m unknowns of which q may jump, all zero."""
     n, w = N_STATES + m, N_WINDOWS
+    columns = w * q + N_ONSETS + 1
     small = N_WORK + N_SCALARS + m + 2 * N_STATES + N_PARAMETERS + N_HELD + 4 * N_READINGS
-    return np.zeros(small + n * n + 2 * (N_STATES + N_READINGS) * n + n * w * q + 2 * w * q + 3 * w + 2 * q)
+    return np.zeros(small + n * n + 2 * (N_STATES + N_READINGS) * n + (n + 2) * columns + N_BEGINNINGS + 2 * w + 2 * q)

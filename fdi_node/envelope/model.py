@@ -126,8 +126,7 @@ def linearise(
     up, down, s = np.zeros(N_STATES), np.zeros(N_STATES), k.s
     out_up, out_down, moved = np.zeros(N_READINGS), np.zeros(N_READINGS), np.zeros(m)
     charge = k.memory[CHARGE]
-    A[:, :] = 0.0
-    C[:, :] = 0.0
+    A[:, :], C[:, :] = 0.0, 0.0
     _drive(k, x, rows, told, nominal, par)
     for i in range(N_STATES):
         s[i] = k.y[i]
