@@ -129,11 +129,11 @@ def tables(rows: list[dict[str, Any]], faults: dict[str, tuple[dict[str, Any], b
     most = chi2.ppf(0.975, 2 * alarms + 2) / 2.0 / hours
     ratio = np.array([np.divide(row["iae"], row["iae_alone"]) for row in rows])
     lines = [
-        f"Healthy: {alarms} false alarms in {hours:.1f} h, at most {most:.3f} an hour (95 %, Poisson). IAE over that of "
-        f"K0 alone, the worst drive: p_e {ratio[:, 0].max():.4f}, SH {ratio[:, 1].max():.4f}.",
+        f"Healthy: {alarms} false alarms in {hours:.1f} h, at most {most:.3f} an hour (95 %, Poisson). IAE over that "
+        f"of K0 alone, the worst drive: p_e {ratio[:, 0].max():.4f}, SH {ratio[:, 1].max():.4f}.",
         "",
-        "| fault | right first | median, 95 %, last, s | within 60 s | drives with a wrong name | off healthy from 60 s "
-        "on: p_e kPa, SH K (95 %, worst) | command, rpm | peak over the drive's own, kPa (95 %, worst) | peak over K0 "
+        "| fault | right first | median, 95 %, last, s | within 60 s | drives with a wrong name | off healthy from 60 "
+        "s on: p_e kPa, SH K (95 %, worst) | command, rpm | peak over the drive's own, kPa (95 %, worst) | peak over K0 "
         "alone's | IAE over K0 alone's: p_e, SH (median, worst) |",
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
