@@ -132,9 +132,10 @@ def tables(rows: list[dict[str, Any]], faults: dict[str, tuple[dict[str, Any], b
         f"Healthy: {alarms} false alarms in {hours:.1f} h, at most {most:.3f} an hour (95 %, Poisson). IAE over that "
         f"of K0 alone, the worst drive: p_e {ratio[:, 0].max():.4f}, SH {ratio[:, 1].max():.4f}.",
         "",
-        "| fault | right first | median, 95 %, last, s | within 60 s | drives with a wrong name | off healthy from 60 "
-        "s on: p_e kPa, SH K (95 %, worst) | command, rpm | peak over the drive's own, kPa (95 %, worst) | peak over K0 "
-        "alone's | IAE over K0 alone's: p_e, SH (median, worst) |",
+        "| fault | right first | median, 95 %, last, s | within 60 s | drives with a wrong name "
+        "| off healthy from 60 s on: p_e kPa, SH K (95 %, worst) | command, rpm "
+        "| peak over the drive's own, kPa (95 %, worst) | peak over K0 alone's "
+        "| IAE over K0 alone's: p_e, SH (median, worst) |",
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
     lines += ["| " + " | ".join(_cells(name, [row[name] for row in rows])) + " |" for name in faults]
