@@ -32,14 +32,27 @@ Zivi, ASME J. Heat Transfer 86 (1964) 247 (void fraction); McKinley & Alleyne, I
 (mean void fraction as a state while a zone is absent).
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from ac_plant_node.dynamics.drive import ETA_S, G_C, G_E, T_AIR_C, T_AIR_E
 from ac_plant_node.dynamics.linear_algebra import solve
-from ac_plant_node.dynamics.transfer import Flows, Heat, Suction, flows, heat_flows, ramp, suction_state
+from ac_plant_node.dynamics.transfer import (
+    CP_VAPOUR_J_KGK,
+    OUTLET_BAND_K,
+    TAU_MIXED_S,
+    TAU_OUTLET_S,
+    Flows,
+    Heat,
+    Suction,
+    dry_outlet,
+    flows,
+    heat_flows,
+    ramp,
+    suction_state,
+    upwind,
+)
 from ac_plant_node.dynamics.zones import (
     Condenser,
     Evaporator,
@@ -76,27 +89,10 @@ _ETAS = INDEX["isentropic_efficiency"]
 
 # Numerical regularisation, all of it in rows that carry neither mass nor energy.
 _ZETA_FLOOR = 0.02  # a vanishing zone answers as if it had at least this length
-_CP_VAPOUR = 1.0e3  # J/(kg K): turns a temperature into an enthalpy where only the order of size matters
 _ZETA_RATE = 5.0  # 1/s: fastest relative change of the condenser's first zone
 _ZETA_C1_MAX = 0.9  # longest first zone of the condenser
-_TAU_OUTLET_S = 0.05  # lag of an outlet enthalpy whose zone is absent
-_TAU_MIXED_S = 0.5  # lag with which a heat exchanger full of vapour becomes one well-mixed volume
 _TAU_WALL_S = 5.0  # lag with which the wall of an absent zone joins its neighbour's temperature
-# Of the order of the fastest boundary motion of ordinary operation: at 0.01 the upwinding switches sides at every
-# change of command, a kink in T_w and SH of up to 100 % of their linear response that no linear design can see.
-_UPWIND_RATE = 0.2  # 1/s: zone boundaries slower than this carry the mean of both wall temperatures
-_UPWIND_SHARP, _UPWIND_ZONE = 0.01, 0.08  # but this sharp where a zone is about to vanish, shorter than the second
 _SUPERHEAT_FLOOR = 2.0e3  # J/kg: least mean superheat that the condenser's first zone is divided by
-
-
-@jit
-def _upwind(rate: float, shorter: float) -> float:
-    """Share of the far side's wall temperature that a zone boundary moving outwards at `rate` (1/s) picks up.
-
-    `shorter` is the length of the shorter of the two zones: before one vanishes, the upwinding turns sharp.
-    """
-    width = _UPWIND_SHARP + (_UPWIND_RATE - _UPWIND_SHARP) * ramp(shorter / _UPWIND_ZONE)
-    return 0.5 * (1.0 + rate / math.sqrt(rate * rate + width * width))
 
 
 class Side(NamedTuple):
@@ -123,7 +119,10 @@ def _evaporator_rows(z: Array, ev: Evaporator, flow: Flows, heat: Heat, h_e2: fl
         z[0, 7] = side.e_rate - ev.slope_rho * side.rho_rate
         z[1, 1] = 1.0
         z[2, 2] = 1.0
-        z[2, 7] = (side.target - h_e2) / (_TAU_OUTLET_S if ev.regime == 1 else _TAU_MIXED_S)
+        z[2, 7] = (side.target - h_e2) / (TAU_OUTLET_S if ev.regime == 1 else TAU_MIXED_S)
+        if ev.regime == 2 and heat.fed > 0.0:
+            by_p, rate = dry_outlet(ev, heat, h_e2, side.volume, side.rho_rate, side.e_rate)
+            z[2, 0], z[2, 7] = heat.fed * by_p, (1.0 - heat.fed) * z[2, 7] + heat.fed * rate
         return
     sat, zeta_1, zeta_2 = ev.sat, ev.zeta, 1.0 - ev.zeta
     z[0, 0] = zeta_1 * ev.rho_1_p + zeta_2 * ev.rho_2_p
@@ -141,10 +140,12 @@ def _evaporator_rows(z: Array, ev: Evaporator, flow: Flows, heat: Heat, h_e2: fl
     z[2, 1] = -over * ev.rho_2
     z[2, 2] = max(zeta_2, _ZETA_FLOOR) * 0.5 * (ev.rho_2 + over * ev.rho_2_h)
     z[2, 7] = (flow.m_c * (ev.h_2 - over - h_e2) + zeta_2 * heat.q_e2) / side.volume
-    # The linear profile must not carry the outlet below saturation, nor stay above every temperature around it.
-    z[2, 7] -= z[2, 2] * (min(h_e2 - sat.h_g, 0.0) + _CP_VAPOUR * max(heat.excess, 0.0)) / _TAU_OUTLET_S
+    # The linear profile must not carry the outlet below saturation, nor stay above every temperature around it. While
+    # the two-phase zone is being born the outlet may be as hot as ends its heat flow: pulled down, it would smother it.
+    spare = (1.0 - ramp(zeta_1 / _ZETA_FLOOR)) * OUTLET_BAND_K
+    z[2, 7] -= z[2, 2] * (min(h_e2 - sat.h_g, 0.0) + CP_VAPOUR_J_KGK * max(heat.excess - spare, 0.0)) / TAU_OUTLET_S
     if side.own < 1.0:
-        pseudo = (ev.h_2 - h_e2) / _TAU_MIXED_S if zeta_1 < 0.5 else (sat.h_g - h_e2) / _TAU_OUTLET_S
+        pseudo = (ev.h_2 - h_e2) / TAU_MIXED_S if zeta_1 < 0.5 else (sat.h_g - h_e2) / TAU_OUTLET_S
         z[2, 0], z[2, 1] = side.own * z[2, 0], side.own * z[2, 1]
         z[2, 7] = side.own * z[2, 7] + (1.0 - side.own) * z[2, 2] * pseudo
 
@@ -172,7 +173,7 @@ def _condenser_rows(
         z[3, 7] = side.e_rate - co.slope_rho * side.rho_rate
         z[4, 4], z[4, 5] = 1.0, 1.0
         z[6, 6] = 1.0
-        z[6, 7] = (side.target - h_c3) / (_TAU_OUTLET_S if co.regime == 1 else _TAU_MIXED_S)
+        z[6, 7] = (side.target - h_c3) / (TAU_OUTLET_S if co.regime == 1 else TAU_MIXED_S)
         return
     rho_h1 = zeta_1 * co.rho_1_h * co.half_1
     e_h1 = zeta_1 * (co.rho_1 + co.h_1 * co.rho_1_h) * co.half_1
@@ -192,11 +193,11 @@ def _condenser_rows(
     z[6, 6] = max(zeta_3, _ZETA_FLOOR) * 0.5 * (co.rho_3 + under * co.rho_3_h)
     z[6, 7] = (flow.m_out * (co.h_3 - under - h_c3) + zeta_3 * heat.q_c3) / side.volume
     if h_c3 > sat.h_f:
-        z[6, 7] += z[6, 6] * (sat.h_f - h_c3) / _TAU_OUTLET_S
+        z[6, 7] += z[6, 6] * (sat.h_f - h_c3) / TAU_OUTLET_S
     if side.own < 1.0:
         for j in range(3, 6):
             z[6, j] *= side.own
-        z[6, 7] = side.own * z[6, 7] + (1.0 - side.own) * z[6, 6] * (sat.h_f - h_c3) / _TAU_OUTLET_S
+        z[6, 7] = side.own * z[6, 7] + (1.0 - side.own) * z[6, 6] * (sat.h_f - h_c3) / TAU_OUTLET_S
 
 
 @jit
@@ -214,7 +215,7 @@ def _first_zone_row(
     """Row 5: the condenser's superheated zone, which gives the rate of zeta_c1."""
     if co.regime == 2:
         z[5, 4] = 1.0
-        z[5, 7] = -co.zeta_1 / _TAU_MIXED_S  # vapour throughout: one well-mixed volume
+        z[5, 7] = -co.zeta_1 / TAU_MIXED_S  # vapour throughout: one well-mixed volume
     elif limited:
         z[5, 4] = 1.0
         z[5, 7] = bound
@@ -270,7 +271,7 @@ def _descriptor(
             if flow.m_out + vc * (growth - co.rho_3 * (z[4, 7] + z[5, 7])) < 0.0:
                 inward_c, again = False, True
         if not limited and co.regime != 2:
-            bound = heat.wet_c * z[4, 7] - (1.0 - heat.wet_c) * co.zeta_1 / _TAU_MIXED_S
+            bound = heat.wet_c * z[4, 7] - (1.0 - heat.wet_c) * co.zeta_1 / TAU_MIXED_S
             bound = min(max(bound, -_ZETA_RATE * co.zeta_1), _ZETA_RATE * (co.zeta_2 - _ZETA_FLOOR))
             bound = min(bound, _ZETA_RATE * (_ZETA_C1_MAX - co.zeta_1))
             if bound != z[4, 7]:
@@ -296,12 +297,12 @@ def _wall_rates(
     """Rates of the mean wall temperatures (energy) and of the differences between zones (moving boundaries)."""
     dzeta_e, dzeta_1, dzeta_3 = z[1, 7], z[4, 7], -z[4, 7] - z[5, 7]
     zeta_e2, d_e, d_1, d_3 = 1.0 - ev.zeta, s[4], s[10], s[11]
-    up = _upwind(dzeta_e, min(ev.zeta, zeta_e2))
+    up = upwind(dzeta_e, min(ev.zeta, zeta_e2))
     e_1 = (w[G_E] * (w[T_AIR_E] - heat.tw_e1) + heat.latent_1 - heat.q_e1) / par[_CE]
     e_1 -= up * d_e * dzeta_e / max(ev.zeta, _ZETA_FLOOR)
     e_2 = (w[G_E] * (w[T_AIR_E] - heat.tw_e2) + heat.latent_2 - heat.q_e2) / par[_CE]
     e_2 -= (1.0 - up) * d_e * dzeta_e / max(zeta_e2, _ZETA_FLOOR)
-    up_1, up_3 = _upwind(dzeta_1, min(co.zeta_1, co.zeta_2)), _upwind(dzeta_3, min(zeta_c3, co.zeta_2))
+    up_1, up_3 = upwind(dzeta_1, min(co.zeta_1, co.zeta_2)), upwind(dzeta_3, min(zeta_c3, co.zeta_2))
     c_1 = (w[G_C] * (w[T_AIR_C] - heat.tw_c1) - heat.q_c1) / par[_CC]
     c_1 -= up_1 * d_1 * dzeta_1 / max(co.zeta_1, _ZETA_FLOOR)
     c_3 = (w[G_C] * (w[T_AIR_C] - heat.tw_c3) - heat.q_c3) / par[_CC]
@@ -409,14 +410,16 @@ def balances(
 ) -> None:
     """Rates and auxiliary results of `rhs`, given the zones of `s` and the mass flows."""
     zeta_c3 = 1.0 - co.zeta_1 - co.zeta_2 if co.regime == 0 else 0.0
-    heat = heat_flows(ev, co, zeta_c3, suction.superheat, s, w, par)
+    heat = heat_flows(ev, co, flow, zeta_c3, suction.superheat, s, w, par)
     # Conserved quantities: exact whatever the zones do.
     ds[0], ds[1] = flow.m_v - flow.m_c, flow.m_v * s[8] - flow.m_c * s[2] + heat.q_e
     ds[5], ds[6] = flow.m_c - flow.m_out, flow.m_c * co.h_d - flow.m_out * s[8] + heat.q_c
     # Zones shorter than the floor fade into the law of the regime next to theirs, so that rates are continuous.
-    own_e = ramp(ev.zeta / _ZETA_FLOOR) * ramp((1.0 - ev.zeta) / _ZETA_FLOOR)
-    own_c = ramp(zeta_c3 / _ZETA_FLOOR)
-    _descriptor(z, ev, co, suction, flow, heat, zeta_c3, own_e, own_c, (ds[0], ds[1], ds[5], ds[6]), s, par)
+    wet, dry = ramp(ev.zeta / _ZETA_FLOOR), ramp((1.0 - ev.zeta) / _ZETA_FLOOR)
+    own_e, own_c = wet * dry, ramp(zeta_c3 / _ZETA_FLOOR)
+    # A feed that wets the inlet makes a two-phase zone of any length grow.
+    row_e = own_e if wet == 1.0 else (wet + (1.0 - wet) * heat.fed) * dry
+    _descriptor(z, ev, co, suction, flow, heat, zeta_c3, row_e, own_c, (ds[0], ds[1], ds[5], ds[6]), s, par)
     ds[2], ds[7], ds[8] = z[2, 7], z[4, 7], z[6, 7]
     _wall_rates(z, ev, co, heat, zeta_c3, own_e, own_c, s, w, par, ds)
     _write_results(aux, ev, co, suction, flow, heat, zeta_c3, s, par)

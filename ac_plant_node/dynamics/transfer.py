@@ -36,13 +36,21 @@ _EV0, _EV1, _EV2 = INDEX["eta_v_offset"], INDEX["eta_v_pressure_ratio"], INDEX["
 _AV0, _AV1, _AV2 = INDEX["valve_area_0_m2"], INDEX["valve_area_1_m2"], INDEX["valve_area_2_m2"]
 _CD = INDEX["valve_discharge_coefficient"]
 
-_OUTLET_BAND_K = 5.0  # over this span above the hottest surroundings the superheated zone's heat flow ends
+TAU_OUTLET_S = 0.05  # lag of an outlet enthalpy whose zone is absent
+TAU_MIXED_S = 0.5  # lag with which a heat exchanger full of vapour becomes one well-mixed volume
+CP_VAPOUR_J_KGK = 1.0e3  # turns a temperature into an enthalpy where only the order of size matters
+OUTLET_BAND_K = 5.0  # over this span above the hottest surroundings the superheated zone's heat flow ends
+_WETTING_W = 100.0  # heat to evaporate the feed above which it wets the inlet in full: a few per cent of nominal
 _DRY_LIQUID = 0.02  # liquid volume fraction below which the boiling coefficient fades to that of vapour
 _DP_SMOOTH_PA = 2.0e3  # valve flow is linear in the pressure difference below this
 _SPEED_FLOOR = 300.0 / 1000.0  # lowest speed (1000 rpm) that enters the volumetric efficiency
 _P_LOW_PA, _P_LOW_SPAN_PA = 20.0e3, 30.0e3  # suction pressure at which the compressor no longer draws
 _HIGH_CUT_START, _HIGH_CUT_END = 0.83, 0.91  # discharge pressure limiter, over the highest tabulated pressure
 _CHOKE_RATIO = 0.55  # critical pressure ratio of vapour through the valve
+# Of the order of the fastest boundary motion of ordinary operation: at 0.01 the upwinding switches sides at every
+# change of command, a kink in T_w and SH of up to 100 % of their linear response that no linear design can see.
+_UPWIND_RATE = 0.2  # 1/s: zone boundaries slower than this carry the mean of both wall temperatures
+_UPWIND_SHARP, _UPWIND_ZONE = 0.01, 0.08  # but this sharp where a zone is about to vanish, shorter than the second
 _PI2 = 2.0 * math.pi
 
 
@@ -103,7 +111,8 @@ class Heat(NamedTuple):
     """Heat flows (W) and wall temperatures (K).
 
     `q_e1` .. `q_c3`: wall to refrigerant, per unit of zone length; `q_e`, `q_c` their sums over the zones; `air_e`,
-    `air_c` air to wall; `excess` how much hotter the evaporator's outlet is than the hottest thing around it; `wet_c`
+    `air_c` air to wall; `excess` how much hotter the evaporator's outlet is than the hottest thing around it; `feed_w`
+    the heat that it takes to evaporate what the valve feeds, `fed` 1 but for a feed that ends or is hardly wet; `wet_c`
     1 but for a condenser about to run out of liquid; `latent_1`, `latent_2` latent heat of the evaporator's zones, per
     unit of zone length; `latent`, `water`, `frost`, `drained` latent heat, water (kg/s) and its enthalpy, of both.
     """
@@ -123,6 +132,8 @@ class Heat(NamedTuple):
     air_e: float
     air_c: float
     excess: float
+    feed_w: float
+    fed: float
     wet_c: float
     latent_1: float
     latent_2: float
@@ -171,7 +182,9 @@ def flows(ev: Evaporator, co: Condenser, suction: Suction, h_3: float, w: Array,
 
 
 @jit
-def heat_flows(ev: Evaporator, co: Condenser, zeta_c3: float, superheat: float, s: Array, w: Array, par: Array) -> Heat:
+def heat_flows(
+    ev: Evaporator, co: Condenser, flow: Flows, zeta_c3: float, superheat: float, s: Array, w: Array, par: Array
+) -> Heat:
     """Heat between air, walls and refrigerant; the air meets every zone side by side and leaves water on cold walls."""
     zeta_e2 = 1.0 - ev.zeta
     tw_e1, tw_e2 = s[3] + zeta_e2 * s[4], s[3] - ev.zeta * s[4]
@@ -181,16 +194,20 @@ def heat_flows(ev: Evaporator, co: Condenser, zeta_c3: float, superheat: float, 
     wet_c = min((1.0 - co.void_rest) / _DRY_LIQUID, 1.0)
     q_e1 = par[_AE] * (par[_ESH] + (par[_ETP] - par[_ESH]) * wet_e) * (tw_e1 - ev.sat.t)
     q_e2 = par[_AE] * par[_ESH] * (tw_e2 - ev.t_2)
+    feed_w = flow.m_v * max(ev.sat.h_g - s[8], 0.0)
+    fed = ramp(feed_w / _WETTING_W)
     # Vapour that leaves as hot as the hottest thing around it takes up no more heat (a linear profile does not know).
     excess = ev.sat.t + superheat - max(w[T_AIR_E], tw_e1, tw_e2)
-    if ev.regime == 0 and q_e2 > 0.0:
-        q_e2 *= 1.0 - ramp(excess / _OUTLET_BAND_K)
+    taken = 1.0
+    if ev.regime != 1 and q_e2 > 0.0:
+        taken -= (1.0 if ev.regime == 0 else fed) * ramp(excess / OUTLET_BAND_K)
+        q_e2 *= taken
     q_c1 = par[_AC] * par[_CSH] * (tw_c1 - (co.t_2 if co.regime == 2 else co.t_1))
     q_c2 = par[_AC] * (par[_CSH] + (par[_CTP] - par[_CSH]) * wet_c) * (tw_c2 - co.t_2)
     q_c3 = par[_AC] * par[_CSC] * (tw_c3 - co.t_3)
     latent_1 = latent_2 = latent = water = frost = drained = 0.0
     if w[RATIO] > 0.0:
-        spread_1, spread_2 = w[SPREAD_1] * (tw_e1 - ev.sat.t), w[SPREAD_2] * (tw_e2 - ev.t_2)
+        spread_1, spread_2 = w[SPREAD_1] * (tw_e1 - ev.sat.t), w[SPREAD_2] * (tw_e2 - ev.t_2) * taken
         water_1, latent_1 = condensation(w[AIR], w[RATIO], w[HALF_E], w[T_AIR_E], tw_e1, spread_1)
         water_2, latent_2 = condensation(w[AIR], w[RATIO], w[HALF_E], w[T_AIR_E], tw_e2, spread_2)
         water_1, water_2 = ev.zeta * water_1, zeta_e2 * water_2
@@ -200,6 +217,34 @@ def heat_flows(ev: Evaporator, co: Condenser, zeta_c3: float, superheat: float, 
     return Heat(
         tw_e1, tw_e2, tw_c1, tw_c2, tw_c3, q_e1, q_e2, q_c1, q_c2, q_c3,
         ev.zeta * q_e1 + zeta_e2 * q_e2, co.zeta_1 * q_c1 + co.zeta_2 * q_c2 + zeta_c3 * q_c3,
-        w[G_E] * (w[T_AIR_E] - s[3]) + latent, w[G_C] * (w[T_AIR_C] - s[9]), excess, wet_c,
+        w[G_E] * (w[T_AIR_E] - s[3]) + latent, w[G_C] * (w[T_AIR_C] - s[9]), excess, feed_w, fed, wet_c,
         latent_1, latent_2, latent, water, frost, drained,
     )  # fmt: skip
+
+
+@jit
+def dry_outlet(
+    ev: Evaporator, heat: Heat, h_e2: float, volume: float, rho_rate: float, e_rate: float
+) -> tuple[float, float]:
+    """Law of the outlet's enthalpy while a wet feed meets vapour only: what stands before dp/dt, and the rate.
+
+    The vapour is then the superheated zone next to a two-phase zone of length zero: its profile rises from saturation
+    to ``h_e2 = 2 h - h_g`` around the mean `h`. By its own balance, with saturated vapour in place of the feed crossing
+    the boundary, that zone's mean rises faster than that of the body by ``m_v (h_g - h_c3) / M``: less vapour than
+    there is fits into the volume, and the rest is the two-phase zone.
+    """
+    rho, h = ev.rho_2, ev.h_2
+    rate = (2.0 * h - ev.sat.h_g - h_e2) / TAU_MIXED_S + 2.0 * heat.feed_w / (rho * volume)
+    rate -= CP_VAPOUR_J_KGK * max(heat.excess - OUTLET_BAND_K, 0.0) / TAU_OUTLET_S
+    # d(2 h - h_g)/dt, with dh/dt = (d(rho h)/dt - h drho/dt)/rho and rho h = e + p
+    return ev.sat.h_g_p - 2.0 / rho, rate + 2.0 * (e_rate - h * rho_rate) / rho
+
+
+@jit
+def upwind(rate: float, shorter: float) -> float:
+    """Share of the far side's wall temperature that a zone boundary moving outwards at `rate` (1/s) picks up.
+
+    `shorter` is the length of the shorter of the two zones: before one vanishes, the upwinding turns sharp.
+    """
+    width = _UPWIND_SHARP + (_UPWIND_RATE - _UPWIND_SHARP) * ramp(shorter / _UPWIND_ZONE)
+    return 0.5 * (1.0 + rate / math.sqrt(rate * rate + width * width))

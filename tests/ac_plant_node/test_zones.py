@@ -208,3 +208,75 @@ def test_regimes_meet_without_a_jump():
             assert abs(after[0] - before[0]) < 500.0
         before = after
     assert jumps >= 2
+
+
+def dried_out(speed_rpm, air_c, air_kg_s):
+    """Return a plant whose valve was shut until its evaporator held vapour only, and its balances since before that."""
+    plant = Plant.at("med")
+    ledger = Ledger(plant)
+    plant.advance(
+        60.0, compressor_speed_rpm=speed_rpm, valve_opening_percent=0.0, air_inlet_temperature_c=air_c,
+        air_mass_flow_kg_s=air_kg_s, condenser_air_inlet_temperature_c=40.0,
+    )  # fmt: skip
+    assert regimes(plant)[0] == 2
+    return plant, ledger
+
+
+def stood_still(_, air_c, air_kg_s):
+    """Return a plant that has stood still in the heat, and its balances since before that."""
+    plant = Plant.at("med")
+    ledger = Ledger(plant)
+    plant.advance(
+        900.0, compressor_speed_rpm=0.0, air_inlet_temperature_c=air_c, air_mass_flow_kg_s=air_kg_s,
+        condenser_air_inlet_temperature_c=40.0,
+    )  # fmt: skip
+    return plant, ledger
+
+
+@pytest.mark.parametrize("begin", [dried_out, stood_still])
+@pytest.mark.parametrize("air_kg_s", [0.05, 0.3])
+@pytest.mark.parametrize("air_c", [25.0, 60.0])
+@pytest.mark.parametrize("opening_percent", [8.0, 40.0])
+@pytest.mark.parametrize("speed_rpm", [900.0, 4000.0])
+def test_two_phase_zone_comes_back_and_leads_to_the_one_place_to_settle(
+    speed_rpm, opening_percent, air_c, air_kg_s, begin
+):
+    """A wet feed wets the inlet: where the plant comes from does not decide where it comes to rest."""
+    other = Plant.at("med")
+    other.advance(
+        1500.0, compressor_speed_rpm=speed_rpm, valve_opening_percent=opening_percent, air_inlet_temperature_c=air_c,
+        air_mass_flow_kg_s=air_kg_s, condenser_air_inlet_temperature_c=40.0,
+    )  # fmt: skip
+    plant, ledger = begin(speed_rpm, air_c, air_kg_s)
+    plant.advance(1500.0, compressor_speed_rpm=speed_rpm, valve_opening_percent=opening_percent)
+    assert regimes(plant)[0] != 2
+    assert plant.outputs.evaporator_pressure_pa == pytest.approx(other.outputs.evaporator_pressure_pa, abs=50.0)
+    assert plant.outputs.superheat_k == pytest.approx(other.outputs.superheat_k, abs=0.05)
+    assert plant.outputs.cooling_power_w == pytest.approx(other.outputs.cooling_power_w, rel=1e-3)
+    ledger.check(mass=1e-12, energy=1e-12)
+
+
+@pytest.mark.parametrize("speed_rpm", [900.0, 2000.0, 4000.0])
+def test_return_of_the_two_phase_zone_conserves_and_does_not_jump(speed_rpm):
+    """Across the switch itself, 5 ms by 5 ms: balances to round-off, no jump of pressure, an outlet not too hot."""
+    plant, ledger = dried_out(speed_rpm, 60.0, 0.17)
+    inputs = plant.inputs
+    inputs[1] = 0.2
+    before, returned = plant.step(inputs, 0.0), None
+    for step in range(1200):
+        after = plant.step(inputs, 0.005)
+        ledger.check(mass=1e-12, energy=1e-9)
+        assert abs(after[0] - before[0]) < 2e3
+        before = after
+        if returned is None and regimes(plant)[0] == 0:
+            returned = step
+        outlet_c = after[1] + saturation(load_tables(), after[0])[0] - 273.15
+        assert returned is None or outlet_c < 60.0 + 5.0  # where its heat flow ends, above air and walls
+    assert returned is not None
+    assert plant.state[0] > 0.02
+
+
+def test_a_shut_valve_leaves_the_evaporator_dry():
+    plant, _ = dried_out(2000.0, 40.0, 0.17)
+    plant.advance(600.0, valve_opening_percent=0.0)
+    assert regimes(plant)[0] == 2
