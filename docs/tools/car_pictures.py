@@ -33,6 +33,7 @@ PUBLISHED = {
     "JAF, recirculated air": ("car.cabin=55", "car.outside_temperature_c=28"),
     "JAF, outside air": ("car.cabin=55", "car.outside_temperature_c=28", "car.recirculation_percent=0"),
     "Miller": ("car.cabin=53", "car.outside_temperature_c=38"),
+    "Tata Punch": ("car.cabin=36", "car.outside_temperature_c=41"),
 }
 _HEADS = (
     "scenario", "p_e, rms", "SH, rms", "p_c, highest", "cooling", "compressor", "COP",

@@ -234,10 +234,18 @@ OVERLAPS = """() => {
 }"""
 
 
+#: How far the plots reach beyond the box that they are in, px.
+BEYOND = """() => {
+    const reach = (e) => e.scrollHeight - e.clientHeight
+    return Math.max(...[...document.querySelectorAll(".plots, .plots .cell")].map(reach))
+}"""
+
+
 @pytest.mark.parametrize(("width", "height"), [(1400, 900), (1920, 1080), (1400, 600), (1000, 800), (390, 844)])
 def test_nothing_sticks_out_of_the_page_or_lies_upon_another(page: Page, width: int, height: int) -> None:
     page.set_viewport_size({"width": width, "height": height})
     until(lambda: page.evaluate("document.documentElement.scrollWidth") <= width, "it sticks out")
     until(lambda: page.evaluate(OVERLAPS)[0] == 0, "panels lie upon one another")
     until(lambda: page.evaluate(OVERLAPS)[1] >= 60.0, "a plot is too flat to be read")
+    until(lambda: page.evaluate(BEYOND) <= 1, "a plot sticks out of its box")
     page.set_viewport_size({"width": 1400, "height": 900})
