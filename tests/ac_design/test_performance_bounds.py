@@ -13,7 +13,7 @@ SAMPLE_TIME_S = 0.1
 
 
 @pytest.mark.parametrize("governed", [True, False])
-@pytest.mark.parametrize(("point", "asked_kpa"), [("high", -70.0), ("low", -80.0)])
+@pytest.mark.parametrize(("point", "asked_kpa"), [("high", -70.0), ("med", -120.0)])
 def test_it_comes_back_from_a_reference_out_of_reach_without_overshoot(
     point: str, asked_kpa: float, governed: bool
 ) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ac_common.topics import BY_NAME, PLANT
+from ac_common.topics import AIR_SIDE, BY_NAME, PLANT
 from ac_common.wire import columns, packer
 from ac_plant_node import Plant
 from ac_plant_node.inputs import INPUT_HIGH, INPUT_LOW
@@ -20,12 +20,12 @@ from bringup.replay.feeder import Feeder
 pytestmark = pytest.mark.ros
 
 SAMPLE_TIME_S = 0.1
-INPUTS = ("actuator/command", "scenario/air", "scenario/air_inlet_temperature")
+INPUTS = ("actuator/command", *AIR_SIDE)
 OUTPUTS = tuple(
     f"plant/{name}" for name in ("evaporator_pressure", "superheat", "wall_temperature", "condenser_pressure")
 )
 PATIENCE_S = 10.0
-REST = Plant.at("med").inputs[:4]
+REST = Plant.at("med").inputs
 
 
 class Loop:
@@ -47,9 +47,9 @@ class Loop:
         return np.array([columns(BY_NAME[name], [answers[name]])[0][0] for name in OUTPUTS])
 
     def tell(self, w: NDArray[np.float64], *names: str) -> None:
-        """Inputs (4,) of the present tick, or only those on the topics `names`."""
+        """Inputs (7,) of the present tick, or only those on the topics `names`."""
         time_ns = round(self._tick * SAMPLE_TIME_S * 1e9)
-        values = dict(zip(INPUTS, (w[:2], w[2:3], w[3:]), strict=True))
+        values = dict(zip(INPUTS, (w[:2], *w[2:, np.newaxis]), strict=True))
         self._feeder.publish(
             [(BY_NAME[name], packer(BY_NAME[name])(time_ns, values[name])) for name in names or INPUTS]
         )
@@ -85,11 +85,15 @@ def loop() -> Iterator[Loop]:
 
 def test_runs_at_the_edges_and_stops_at_them(loop: Loop) -> None:
     """Bit for bit what `Plant.step` gives, which clips to the permitted box; the node outlives every corner of it."""
-    corners = [np.where([bool(k & bit) for bit in (1, 2, 4, 8)], INPUT_HIGH[:4], INPUT_LOW[:4]) for k in range(16)]
+    corners = [
+        np.where([bool(k >> i & 1) for i in range(len(REST))], INPUT_HIGH, INPUT_LOW)
+        for k in range(0, 2 ** len(REST), 5)
+    ]
     beyond = [
-        np.array([740.0, 1.0, 2.0, 80.0]),  # 7066 rpm, a gale of hot air
-        np.array([0.0, 0.0, 0.0, -40.0]),  # no air at all
-        np.array([INPUT_HIGH[0] + 4.2, 0.55, 0.31, 50.1]),  # a fault of 40 rpm on top of the fastest command
+        np.array([740.0, 1.0, 2.0, 80.0, 3.0, 80.0, 1.0]),  # 7066 rpm, gales of hot air
+        np.array([0.0, 0.0, 0.0, -40.0, 0.0, -40.0, 0.0]),  # no air at all
+        # A fault of 40 rpm on top of the fastest command.
+        np.array([INPUT_HIGH[0] + 4.2, 0.55, 0.31, 50.1, 0.55, 30.0, 0.0]),
     ]
     for w in (*corners, *beyond, REST):
         for _ in range(15):
@@ -97,9 +101,7 @@ def test_runs_at_the_edges_and_stops_at_them(loop: Loop) -> None:
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
-@pytest.mark.parametrize(
-    ("position", "name"), [(0, INPUTS[0]), (1, INPUTS[0]), (2, INPUTS[1]), (3, INPUTS[2])], ids=str
-)
+@pytest.mark.parametrize(("position", "name"), [(0, INPUTS[0]), *enumerate(INPUTS, start=1)], ids=str)
 def test_what_is_not_finite_is_refused_and_the_tick_waits_for_a_number(
     loop: Loop, position: int, name: str, value: float
 ) -> None:
