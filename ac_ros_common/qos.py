@@ -3,7 +3,7 @@
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from ac_common.topics import TICKED, Topic
+from ac_common.topics import BY_NAME, TICKED, Topic
 
 #: How far behind a subscriber (the recorder above all) may fall before a message is lost, in ticks.
 DEPTH = 1000
@@ -24,4 +24,4 @@ PLAIN_QOS = QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPo
 
 def qos_of(topic: Topic) -> QoSProfile:
     """Return the QoS of a topic of the loop; one that is not in every tick has no deadline."""
-    return LOOP_QOS if topic in TICKED else PLAIN_QOS
+    return LOOP_QOS if BY_NAME[topic.name] in TICKED else PLAIN_QOS
