@@ -4,7 +4,9 @@ import struct
 import tokenize
 import zipfile
 import zlib
-from dataclasses import fields
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from importlib import import_module
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -21,16 +23,52 @@ DESIGNED = (FDI, COMPENSATOR, CONTROLLER)
 ATTACHMENT = "design/{}.npz"
 
 
-def design_name(node: str, point: str) -> str:
-    """Return the name of the file of a node's design at an operating point."""
-    return f"{node}-{point}.npz"
+#: What the designs of a run are for: one operating point, as in the paper, or the whole envelope.
+PAPER, ENVELOPE = "paper", "envelope"
+#: In a design file: the name of the class of which it holds a design. Older files do not say it.
+CLASS = "class"
+
+
+@dataclass(frozen=True)
+class DesignKind:
+    """A kind of design that a node takes, and what runs it.
+
+    The classes are named and not given: what a run has no use for is not imported.
+
+    Attributes
+    ----------
+    design : `PAPER` or `ENVELOPE`; empty: there is one class for both.
+    module : where the classes are.
+    holds : class of the design.
+    runs : class of what runs it, made of a design.
+    """
+
+    design: str
+    module: str
+    holds: str
+    runs: str
+
+    def made_of(self, design: Any, *arguments: Any) -> Any:
+        """Return what runs a design."""
+        return getattr(import_module(self.module), self.runs)(design, *arguments)
+
+
+def kind_of[Kind: DesignKind](kinds: Sequence[Kind], design: Any) -> Kind:
+    """Return the kind that a design is of."""
+    return next(kind for kind in kinds if kind.holds == type(design).__name__)
+
+
+def design_name(node: str, point: str, design: str = PAPER) -> str:
+    """Return the name of the file of a node's design for runs that begin at an operating point."""
+    return f"{node}-{point}.npz" if design == PAPER else f"{node}-{design}-{point}.npz"
 
 
 def to_bytes(design: Any) -> bytes:
-    """Return the numbers of a design as the content of an ``.npz`` file."""
+    """Return the numbers of a design, and its class, as the content of an ``.npz`` file."""
     values = {field.name: getattr(design, field.name) for field in fields(design)}
     buffer = BytesIO()
     numbers: dict[str, Any] = {name: v for name, v in values.items() if isinstance(v, np.ndarray | float)}
+    numbers[CLASS] = np.array(type(design).__name__)
     np.savez_compressed(buffer, **numbers)
     return buffer.getvalue()
 
@@ -44,12 +82,16 @@ def from_file(kind: Any, file: str, sample_time_s: float) -> Any:
     Raises
     ------
     UserError
-        When there is no such file, it holds no such design, matrices that do not fit or are not finite, or a design for
-        another sample time.
+        When there is no such file, it holds no such design, one of another class, matrices that do not fit or are not
+        finite, or a design for another sample time.
     """
     try:
         with np.load(BytesIO(Path(file).read_bytes()), allow_pickle=False) as stored:
             arrays = dict(stored)
+        said = str(arrays.pop(CLASS, kind.__name__))
+        if said != kind.__name__:
+            msg = f"it holds one of the class {said}"
+            raise ValueError(msg)
         if not all(array.dtype == np.float64 and np.isfinite(array).all() for array in arrays.values()):
             msg = "an array of it is not finite numbers"
             raise ValueError(msg)
@@ -66,21 +108,49 @@ def from_file(kind: Any, file: str, sample_time_s: float) -> Any:
     return design
 
 
-def loaded(kind: Any, node: str, file: str, sample_time_s: float, copy: str = "") -> Any:
-    """Return the design of class `kind` that a node is to load from `file`, and leave a copy of it in `copy`, if any.
+def loaded(
+    kinds: Sequence[DesignKind], node: str, file: str, sample_time_s: float, copy: str = "", wanted: str = ""
+) -> Any:
+    """Return the design that a node is to load from `file`, and leave a copy of it in `copy`, if any.
+
+    Parameters
+    ----------
+    kinds : sequence of DesignKind
+        Those that the node takes; a file that does not say its own holds the first one.
+    node, file : str
+    sample_time_s : float
+    copy : str
+        File; empty: none.
+    wanted : str
+        `PAPER` or `ENVELOPE`, when the others are refused.
 
     Raises
     ------
     ValueError
-        As `from_file`; when no file is given it says which command makes one.
+        As `from_file`; when the design is not of the wanted ones; when no file is given it says which command makes
+        one.
     """
     if not file:
-        example = design_name(node, "med")
+        example = design_name(node, "med", wanted or PAPER)
         raise ValueError(f"no design_file given; `acftc design --out designs` makes one: designs/{example}")
-    design = from_file(kind, file, sample_time_s)
+    said = _class_in(file)
+    kind = next((kind for kind in kinds if kind.holds == said), kinds[0])
+    design = from_file(getattr(import_module(kind.module), kind.holds), file, sample_time_s)
+    if wanted and kind.design not in ("", wanted):
+        msg = f"design_file {shortened(file, 200)}: a design of `design: {kind.design}`, in a run with {wanted}"
+        raise UserError(msg)
     if copy:
         write_whole(Path(copy), to_bytes(design))
     return design
+
+
+def _class_in(file: str) -> str:
+    """Return what class of design a file says to hold; empty when it does not say, or is none that can be read."""
+    try:
+        with np.load(BytesIO(Path(file).read_bytes()), allow_pickle=False) as stored:
+            return str(stored[CLASS])
+    except _BAD_FILE:
+        return ""
 
 
 #: What numpy and zipfile raise for a file that is not what it seems.

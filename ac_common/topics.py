@@ -193,7 +193,7 @@ TOPICS: tuple[Topic, ...] = (
         TEMPERATURE,
         "air into the evaporator, a measured disturbance",
         PLANT,
-        (FDI,),
+        (FDI, CONTROLLER),
         frame="evaporator_air",
     ),
     Topic(
@@ -381,7 +381,6 @@ CAR: tuple[Topic, ...] = (
 #: Topics that are silent in some runs, or while all is well. In no tick of those anyone waits for them.
 OCCASIONAL: tuple[Topic, ...] = (
     *CAR,
-    # What the actuators hold while no command comes, without f_N: where a controller that comes back takes over.
     Topic(
         "actuator/setpoint",
         JOINTS,
@@ -410,9 +409,21 @@ CAR_SERIES: tuple[str, ...] = BY_NAME["scenario/car"].series
 CABIN_SERIES: tuple[str, ...] = BY_NAME["plant/car"].series
 
 
-def topics_in(in_car: bool) -> tuple[Topic, ...]:
-    """Return the topics of a run with or without a car."""
-    return (*TOPICS, *CAR) if in_car else TOPICS
+#: Who acts on a topic, where that is somebody else with the designs of the whole envelope.
+WITH_ENVELOPE: dict[str, tuple[str, ...]] = {
+    "plant/condenser_air_inlet_temperature": (FDI,),
+    **dict.fromkeys(("measured/evaporator_pressure", "measured/superheat"), (FDI, COMPENSATOR, CONTROLLER)),
+    "measured/condenser_pressure": (FDI,),
+    "controller/command": (INJECTOR, FDI, COMPENSATOR),
+    **{topic.name: () for topic in TOPICS if topic.name.startswith("fdi/innovation/")},
+    **{fault.residual_topic: (COMPENSATOR,) for fault in ISOLABLE},
+}
+
+
+def topics_in(in_car: bool, design: str) -> tuple[Topic, ...]:
+    """Return the topics of a run, in a car or not, whose designs are those of "paper" or "envelope"."""
+    topics, others = (*TOPICS, *CAR) if in_car else TOPICS, {} if design == "paper" else WITH_ENVELOPE
+    return tuple(replace(topic, subscribers=others.get(topic.name, topic.subscribers)) for topic in topics)
 
 
 #: Keys in `SERIES` of the fields of `ac_common.signals.Performance`, in their order.

@@ -7,6 +7,7 @@ from ac_design.store import (
     design_controller,
     design_fdi,
     design_of,
+    envelope_design_of,
     write_designs,
 )
 from ac_design.weights import (
@@ -33,5 +34,6 @@ __all__ = [
     "design_controller",
     "design_fdi",
     "design_of",
+    "envelope_design_of",
     "write_designs",
 ]

@@ -3,13 +3,13 @@
 import importlib
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ac_common.cache import Arrays, cached, source_fingerprint
-from ac_common.design_file import DESIGNED, design_name, to_bytes
+from ac_common.design_file import DESIGNED, ENVELOPE, PAPER, design_name, to_bytes
 from ac_common.errors import UserError
 from ac_common.files import write_whole
 from ac_common.sample_time import DEFAULT_SAMPLE_TIME_S, LONGEST_SAMPLE_TIME_S, SHORTEST_SAMPLE_TIME_S
@@ -18,6 +18,7 @@ from ac_design.report import BlockReport
 from ac_design.weights import (
     BELT,
     CONTROLLERS,
+    ENVELOPE_CONTROLLER,
     PAPER_CONTROLLER,
     BeltWeights,
     CompensatorWeights,
@@ -28,6 +29,10 @@ from ac_design.weights import (
 from ac_plant_node import parameters_fingerprint
 from fdi_node import FdiDesign
 from gimc_controller_node import CompensatorDesign, ControllerDesign
+
+if TYPE_CHECKING:
+    from fdi_node.envelope import EnvelopeDesign
+    from gimc_controller_node.envelope_compensator import EnvelopeCompensatorDesign
 
 PACKAGES = ("gimc", "ac_plant_node", "fdi_node", "gimc_controller_node", "ac_design")
 """The packages whose sources determine a design."""
@@ -211,26 +216,77 @@ def design_of(
     return makers[node]()
 
 
-def write_designs(folder: Path, point: str, sample_time_s: float, **options: Any) -> dict[str, Path]:
+def envelope_design_of(
+    node: str,
+    point: str,
+    sample_time_s: float,
+    sensors: Sequence[str] | None = None,
+    superheat: SuperheatSensor = "direct",
+) -> "EnvelopeDesign | EnvelopeCompensatorDesign | ControllerDesign":
+    """Return the design of a node for the whole envelope.
+
+    Parameters
+    ----------
+    node : str
+        One of `ac_common.design_file.DESIGNED`.
+    point : str
+        "low", "med" or "high", where runs begin: the safe command is that point's.
+    sample_time_s : float
+        0.01 to 0.1 s.
+    sensors : sequence of str, optional
+        As in `ac_design.envelope.design_envelope_fdi`; left out: all.
+    superheat : "direct" or "derived"
+        How the superheat is measured.
+
+    Raises
+    ------
+    UserError
+        For an unknown operating point, a sample time out of range, or sensors that there are not.
+    """
+    # The observer stands on compiled code, which the designs of one point have no use for.
+    from ac_design.envelope import SENSORS, design_envelope_fdi
+    from gimc_controller_node.envelope_compensator import EnvelopeCompensatorDesign
+
+    if node == FDI:
+        return design_envelope_fdi(sample_time_s, sensors or SENSORS)
+    k0 = design_controller(point, sample_time_s, ENVELOPE_CONTROLLER)
+    if node == CONTROLLER:
+        return k0
+    return EnvelopeCompensatorDesign(**vars(k0), derived=float(superheat == "derived"))
+
+
+#: For each value of a scenario's `design`, what gives the design of a node.
+DESIGNERS: dict[str, Callable[..., Any]] = {PAPER: design_of, ENVELOPE: envelope_design_of}
+
+
+def write_designs(
+    folder: Path, point: str, sample_time_s: float, design: str = PAPER, **options: Any
+) -> dict[str, Path]:
     """Write the design of each node that has one into `folder`, and return the files by node.
+
+    Each design is tried out: what is compiled for it is in the cache then, and the nodes start at once.
 
     Parameters
     ----------
     folder : Path
         Exists.
     point, sample_time_s, **options
-        As in `design_of`.
+        As in `design_of` or `envelope_design_of`.
+    design : "paper" or "envelope"
+        For the operating point, or for the whole envelope.
 
     Raises
     ------
     UserError
-        As `design_of`.
+        As `design_of` or `envelope_design_of`.
     RunError
         When a file cannot be written.
     """
-    files = {node: folder / design_name(node, point) for node in DESIGNED}
+    files = {node: folder / design_name(node, point, design) for node in DESIGNED}
     for node, file in files.items():
-        write_whole(file, to_bytes(design_of(node, point, sample_time_s, **options)))
+        made = DESIGNERS[design](node, point, sample_time_s, **options)
+        made.try_out()
+        write_whole(file, to_bytes(made))
     return files
 
 
@@ -252,6 +308,7 @@ def all_blocks(point: str, sample_time_s: float = DEFAULT_SAMPLE_TIME_S) -> list
     k0 = cached_design("controller", "ac_design.controller", point, sample_time_s, controller)
     paper = cached_design("controller-paper", "ac_design.controller", point, sample_time_s, PAPER_CONTROLLER)
     h = cached_design("fdi", "ac_design.fdi", point, sample_time_s, fdi)
+    envelope = cached_design("controller", "ac_design.controller", point, sample_time_s, ENVELOPE_CONTROLLER)
     belt = cached_design("controller-belt", "ac_design.belt", point, sample_time_s, BeltWeights())
     q = cached_design(
         "compensator",
@@ -265,6 +322,7 @@ def all_blocks(point: str, sample_time_s: float = DEFAULT_SAMPLE_TIME_S) -> list
     return [
         BlockReport.from_array(k0["report"]),
         replace(BlockReport.from_array(paper["report"]), block="K0_paper"),
+        replace(BlockReport.from_array(envelope["report"]), block="K0_envelope"),
         BlockReport.from_array(belt["report"]),
         *(
             BlockReport.from_array(text)

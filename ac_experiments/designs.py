@@ -1,18 +1,21 @@
 """The designs that a scenario asks for, for the loop in one process and as files for the nodes."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from ac_common.design_file import ENVELOPE, PAPER
 from ac_common.topics import COMPENSATOR, CONTROLLER, FDI
-from ac_design import ENVELOPE_CONTROLLER, SuperheatSensor, design_controller, design_of, write_designs
-from ac_design.envelope import design_envelope_fdi
-from ac_experiments.scenario_schema import SENSORS, Scenario
+from ac_design import SuperheatSensor, write_designs
+from ac_design.store import DESIGNERS
+from ac_experiments.scenario_schema import Scenario
 from fdi_node import FdiDesign
-from fdi_node.envelope import EnvelopeDesign
 from gimc_controller_node import CompensatorDesign, ControllerDesign
 from gimc_controller_node.envelope_compensator import EnvelopeCompensatorDesign
 from gimc_controller_node.making import check_controller
+
+if TYPE_CHECKING:
+    from fdi_node.envelope import EnvelopeDesign
 
 
 @dataclass(frozen=True)
@@ -28,7 +31,7 @@ class Designs:
 class EnvelopeDesigns:
     """The same three for the whole envelope."""
 
-    fdi: EnvelopeDesign
+    fdi: "EnvelopeDesign"
     controller: ControllerDesign
     compensator: EnvelopeCompensatorDesign
 
@@ -45,37 +48,29 @@ def designs_at(
     `sensors` is 3, or 2 for a detector without the wall thermocouple; `superheat` is how the superheat is measured;
     `controller` is which K0, "tracking", "paper" or "belt", with the compensator that belongs to it.
     """
-    designs = (
-        design_of(node, point, sample_time_s, sensors, superheat, controller) for node in (FDI, CONTROLLER, COMPENSATOR)
-    )
-    return Designs(*designs)  # type: ignore[arg-type]
-
-
-def envelope_designs(
-    point: str, sample_time_s: float, sensors: Sequence[str] = SENSORS, superheat: SuperheatSensor = "direct"
-) -> EnvelopeDesigns:
-    """Return the designs for the whole envelope; `point` is where the run begins, and what the safe command is from."""
-    controller = design_controller(point, sample_time_s, ENVELOPE_CONTROLLER)
-    return EnvelopeDesigns(
-        fdi=design_envelope_fdi(sample_time_s, sensors),
-        controller=controller,
-        compensator=EnvelopeCompensatorDesign(**vars(controller), derived=float(superheat == "derived")),
-    )
+    options = {"sensors": sensors, "superheat": superheat, "controller": controller}
+    return Designs(*_made(PAPER, point, sample_time_s, options))
 
 
 def designs_of(scenario: Scenario) -> Designs | EnvelopeDesigns:
     """Return the designs that a scenario asks for."""
-    if scenario.design == "envelope":
-        return envelope_designs(
-            scenario.operating_point, scenario.sample_time_s, scenario.envelope_sensors, scenario.superheat_sensor
-        )
-    return designs_at(
-        scenario.operating_point,
-        scenario.sample_time_s,
-        scenario.design_sensors,
-        scenario.superheat_sensor,
-        scenario.controller_weights,
-    )
+    made = _made(scenario.design, scenario.operating_point, scenario.sample_time_s, _options(scenario))
+    return EnvelopeDesigns(*made) if scenario.design == ENVELOPE else Designs(*made)
+
+
+def _made(design: str, point: str, sample_time_s: float, options: dict[str, Any]) -> tuple[Any, ...]:
+    return tuple(DESIGNERS[design](node, point, sample_time_s, **options) for node in (FDI, CONTROLLER, COMPENSATOR))
+
+
+def _options(scenario: Scenario) -> dict[str, Any]:
+    """Return what a scenario says of its designs beside point and sample time."""
+    if scenario.design == ENVELOPE:
+        return {"sensors": scenario.envelope_sensors, "superheat": scenario.superheat_sensor}
+    return {
+        "sensors": scenario.design_sensors,
+        "superheat": scenario.superheat_sensor,
+        "controller": scenario.controller_weights,
+    }
 
 
 def check_controller_of(scenario: Scenario) -> None:
@@ -100,11 +95,5 @@ def write_designs_of(scenario: Scenario, folder: Path) -> dict[str, Path]:
     RunError
         When a file cannot be written.
     """
-    return write_designs(
-        folder,
-        scenario.operating_point,
-        scenario.sample_time_s,
-        sensors=scenario.design_sensors,
-        superheat=scenario.superheat_sensor,
-        controller=scenario.controller_weights,
-    )
+    point, design = scenario.operating_point, scenario.design
+    return write_designs(folder, point, scenario.sample_time_s, design, **_options(scenario))

@@ -8,6 +8,7 @@ same numbers.
 import time
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -145,10 +146,11 @@ class _Loop:
 
     def __init__(self, scenario: Scenario, designs: Designs | EnvelopeDesigns, *, accommodate: bool) -> None:
         # Imported here: these compile or load designs, and the command line must answer --help at once.
-        from ac_experiments.blocks import blocks_of
         from ac_plant_node import Plant, operating_point
         from ac_plant_node.car import Car
         from fault_injector_node.injector import FaultInjector, components
+        from fdi_node.making import make_detector
+        from gimc_controller_node.accommodation import make_compensator
         from gimc_controller_node.making import make_controller
         from gimc_controller_node.protection import ON_THE_BELT
 
@@ -166,7 +168,9 @@ class _Loop:
         self._reading = np.empty(len(Innovation._fields))
         self._components_of = components
         self._injector = FaultInjector(scenario.noise.std, scenario.noise.seed, scenario.superheat_sensor)
-        self._blocks = blocks_of(designs, accommodate)
+        self._detector, self._told = make_detector(designs.fdi)
+        self._compensator, kind = make_compensator(designs.compensator, accommodate)
+        self._signal = attrgetter(kind.reads)
         self._controller = make_controller(
             designs.controller, scenario.controller_class, ON_THE_BELT if scenario.has_belt else None
         )
@@ -187,16 +191,19 @@ class _Loop:
         """Go around the loop once; return the values of `_MADE`, and with a car those of `CABIN_SERIES`."""
         outputs, air_inlet_c = self._outputs, self._air_inlet_c + self._components[_INLET]
         measured = self._injector.measure(outputs, faults)
-        found, q = self._blocks.step(time_s, measured, (air_inlet_c, self._condenser_inlet_c), reference)
+        readings, inlets = measured[: self._told.readings], (air_inlet_c, self._condenser_inlet_c)[: self._told.inlets]
+        found = self._detector.observe(time_s, readings, *inlets)
+        signal, wanted = self._signal(found), reference.tolist()
+        q = self._compensator.step(signal, found.isolated, found.also_isolated, wanted, measured)
         reading = self._reading
         reading[0], reading[1], reading[2] = measured[:3]
         if car:
             self._controller.drive(CarSide(*car).belt_speed)
-        air_c = air_inlet_c if self._blocks.bounds_references else None
-        command = self._controller.step(reference, reading, q, air_c)
-        self._blocks.commanded(command)
-        if (does := self._blocks.does) != self._does[COMPENSATOR]:
-            self._announce(time_s, COMPENSATOR, does)
+        command = self._controller.step(reference, reading, q, air_inlet_c)
+        self._detector.commanded(command)
+        self._compensator.commanded(command)
+        if self._compensator.does != self._does[COMPENSATOR]:
+            self._announce(time_s, COMPENSATOR, self._compensator.does)
         if self._controller.does != self._does[CONTROLLER]:
             self._announce(time_s, CONTROLLER, self._controller.does)
         commanded = command.tolist()

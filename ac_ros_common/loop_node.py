@@ -32,7 +32,7 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
 from ac_common.blas_threads import one_blas_thread
-from ac_common.design_file import loaded
+from ac_common.design_file import DesignKind, loaded
 from ac_common.health import AS_USUAL, HealthPart
 from ac_common.topics import OCCASIONAL, TOPICS, Topic
 from ac_common.wire import Packer, packer
@@ -119,9 +119,11 @@ class LoopNode(ManagedNode):
         """Return the value of a parameter."""
         return self.get_parameter(name).value
 
-    def design(self, kind: Any) -> Any:
-        """Return the design of class `kind` in the file that the parameter `design_file` names."""
-        return loaded(kind, self.get_name(), self.value("design_file"), self.sample_time_s, self.value("design_copy"))
+    def design(self, kinds: Sequence[DesignKind]) -> Any:
+        """Return the design of one of these kinds in the file that the parameter `design_file` names."""
+        file, copy = self.value("design_file"), self.value("design_copy")
+        wanted = self.value("design") if "design" in self._known else ""
+        return loaded(kinds, self.get_name(), file, self.sample_time_s, copy, wanted)
 
     @property
     def run_start_ns(self) -> int:

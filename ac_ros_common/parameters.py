@@ -99,6 +99,13 @@ MEMORY_FILE = Parameter(
     "realtime: file in which the node keeps what it would have to know after a crash; empty: none",
 )
 
+DESIGN = Parameter(
+    "design",
+    "",
+    "what the designs of the run are for: one operating point (paper) or all loads (envelope); empty: what the file is",
+    choices=("", "paper", "envelope"),
+)
+
 DESIGN_FILE = Parameter(
     "design_file", "", "file with the design (.npz), made by `acftc design --out` or a program of yours"
 )

@@ -3,7 +3,7 @@
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from ac_common.topics import TICKED, Topic
+from ac_common.topics import BY_NAME, TICKED, Topic
 
 #: How far behind a subscriber (the recorder above all) may fall before a message is lost, in ticks.
 DEPTH = 1000
@@ -32,4 +32,4 @@ ROSOUT_QOS = QoSProfile(
 
 def qos_of(topic: Topic) -> QoSProfile:
     """Return the QoS that a publisher of a topic of the loop offers; one that is not in every tick has no deadline."""
-    return LOOP_QOS if topic in TICKED else PLAIN_QOS
+    return LOOP_QOS if BY_NAME[topic.name] in TICKED else PLAIN_QOS

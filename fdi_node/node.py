@@ -14,6 +14,7 @@ from ac_common.topics import FDI
 from ac_ros_common.checkpoint import AGE_S
 from ac_ros_common.loop_node import LoopNode, run_node
 from ac_ros_common.parameters import (
+    DESIGN,
     DESIGN_COPY,
     DESIGN_FILE,
     MEMORY_FILE,
@@ -21,10 +22,11 @@ from ac_ros_common.parameters import (
     RUN_START,
     SAMPLE_TIME,
 )
+from ac_ros_common.sequencer import Sequencer
 from ac_ros_common.stuck_sensor import STUCK_S, StuckSensor
-from fdi_node.sequencer import Sequencer
+from fdi_node.making import KINDS, make_detector
 
-PARAMETERS = (SAMPLE_TIME, MODE, RUN_START, MEMORY_FILE, DESIGN_FILE, DESIGN_COPY)
+PARAMETERS = (SAMPLE_TIME, MODE, RUN_START, MEMORY_FILE, DESIGN, DESIGN_FILE, DESIGN_COPY)
 MEASURED = topics_of("measured", Innovation)
 INNOVATIONS = topics_of("fdi/innovation", Innovation)
 RESIDUALS = tuple(fault.residual_topic for fault in ISOLABLE)
@@ -33,7 +35,7 @@ HOLD_S = 0.3
 
 
 class FdiNode(LoopNode):
-    """Shell around `FaultDetector`: one `observe` for each measurement, one `commanded` for each command."""
+    """Shell around a detector: one `observe` for each measurement, one `commanded` for each command."""
 
     def __init__(self) -> None:
         super().__init__(FDI, PARAMETERS)
@@ -41,18 +43,18 @@ class FdiNode(LoopNode):
 
     def configure(self) -> None:
         """Load the design."""
-        from fdi_node import FaultDetector, FdiDesign
-
-        self._detector = FaultDetector(self.design(FdiDesign))
+        self._detector, kind = make_detector(self.design(KINDS))
+        self._readings = kind.readings
         self._joins = self.run_start_ns >= 0
         self._start_ns = self.run_start_ns if self._joins else None
         self._stuck = StuckSensor(MEASURED)
         self._last_command: Command | None = None
         self._sequencer = Sequencer(self._observe, self._close)
+        readings, inlets = kind.topics[: kind.readings], kind.topics[kind.readings :]
         self.on_tick(
-            (*MEASURED, "plant/air_inlet_temperature"),
+            kind.topics,
             self._measured,
-            holds_s={**dict.fromkeys(MEASURED, HOLD_S), "plant/air_inlet_temperature": math.inf},
+            holds_s={**dict.fromkeys(readings, HOLD_S), **dict.fromkeys(inlets, math.inf)},
             patience=0.3,
         )
         self.on_tick(("controller/command",), self._commanded)
@@ -90,7 +92,8 @@ class FdiNode(LoopNode):
         if missed is not None and missed * self.sample_time_s >= AGE_S:
             missed = None  # straight lines over so long a time mean nothing
         if missed is None or missed > 0:
-            self._detector.warm_restart(values[:3], values[3], self._last_command, missed)
+            readings, inlets = values[: self._readings], values[self._readings :]
+            self._detector.warm_restart(readings, *inlets, self._last_command, missed)
 
     def _observe(self, time_ns: int, *values: float) -> None:
         if self._start_ns is None:
@@ -100,7 +103,7 @@ class FdiNode(LoopNode):
                 self._detector.commanded(self._last_command)
             self._warm_restart(self._sequencer.observed_ns, time_ns, *values)
         time_s = (time_ns - self._start_ns) / 1e9
-        found = self._detector.observe(time_s, values[:3], values[3])
+        found = self._detector.observe(time_s, values[: self._readings], *values[self._readings :])
         for topic, value in zip(INNOVATIONS, found.innovation, strict=True):
             self.send(time_ns, topic, value)
         self.send(time_ns, "fdi/status", found.status(time_s))

@@ -32,6 +32,8 @@ from gimc_controller_node.command_limits import CommandLimits
 from gimc_controller_node.reach import Reach
 
 Vector = NDArray[np.float64]
+#: A named signal, or an array of its values.
+Signal = Sequence[float] | Vector
 
 ANY_COMMAND = np.array(CommandLimits().high) * np.array([RPM, 0.01])
 """From one end of the commands to the other [rad/s, 0..1]: a bound of q that is as good as none."""
@@ -209,26 +211,27 @@ class Compensator:
 
     def warm_restart(
         self,
-        innovation: Vector,
+        innovation: Signal,
         isolated: str | None,
         also_isolated: str | None,
-        reference: tuple[float, float] | None,
+        reference: Signal | None,
         missed_ticks: int,
     ) -> None:
         """Go over missed ticks as if f_e had moved from the last one to this one in a straight line.
 
         Call it before `step`, with that tick's innovation, isolation and references.
         """
-        start = self._innovation.copy()
+        start, end = self._innovation.copy(), np.array(innovation)
         for tick in range(1, missed_ticks + 1):
-            self.step(start + (innovation - start) * (tick / (missed_ticks + 1)), isolated, also_isolated, reference)
+            self.step(start + (end - start) * (tick / (missed_ticks + 1)), isolated, also_isolated, reference)
 
     def step(
         self,
-        innovation: Vector | Sequence[float],
+        innovation: Signal,
         isolated: str | None,
         also_isolated: str | None = None,
-        reference: tuple[float, float] | None = None,
+        reference: Signal | None = None,
+        measured: Signal | None = None,  # noqa: ARG002
     ) -> Vector:
         """Return the signal q of this tick.
 
@@ -241,8 +244,10 @@ class Compensator:
             when accommodation is switched off: f_e then says nothing that a Q could make use of.
         also_isolated : str or None
             The other one, when both are.
-        reference : tuple of float, optional
+        reference : sequence of float, length 2, optional
             References of p_e [Pa] and SH [K]; None: those of the tick before still hold.
+        measured
+            Not used.
 
         Returns
         -------
@@ -277,6 +282,9 @@ class Compensator:
         if share == 0.0:
             return np.zeros(2)
         return np.array([share * speed, share * valve])
+
+    def commanded(self, command: Signal) -> None:
+        """Do nothing: this compensator has no use for the command."""
 
     def _may_follow(self, isolated: int) -> bool:
         """Return whether the faults that are isolated, none to two, are to be followed.

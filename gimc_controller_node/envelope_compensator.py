@@ -72,7 +72,7 @@ class EnvelopeCompensatorDesign(ControllerDesign):
     def try_out(self) -> None:
         """Work for one tick: matrices that do not fit show here, not when the loop runs."""
         one, other = ISOLABLE_KINDS
-        EnvelopeCompensator(self).step((1.0, 1e3), one, other, self.command_rest, TYPICAL, TYPICAL)
+        EnvelopeCompensator(self).step((1.0, 1e3), one, other, TYPICAL, TYPICAL)
 
 
 class EnvelopeCompensator:
@@ -96,6 +96,8 @@ class EnvelopeCompensator:
         self._update = np.ascontiguousarray(np.hstack([k0.phi, k0.gamma[:, :2], -k0.gamma[:, 2:3]]))
         self._speeds = (float(k0.command_min[0]), float(k0.command_max[0]))
         self._used = [0.0, 0.0]  # of f_N and f_p, after the fades
+        self._speed = float(k0.command_rest[0])  # as it was last commanded
+        self._pressure = TYPICAL[0]  # as it last read
         step = k0.sample_time_s
         self._fades_in, self._fades_out, self._averages = (
             -math.expm1(-step / time) for time in (design.fade_in_s, design.fade_out_s, design.watch_s)
@@ -114,7 +116,8 @@ class EnvelopeCompensator:
     def state(self) -> dict[str, Any]:
         """Return what a compensator that takes this one's place has to know, fit for JSON; between two ticks."""
         watch = [self._average, self._allowed, float(self._withdrawn)]
-        return {"_state": self._state.tolist(), "_used": list(self._used), "_watch": watch}
+        seen = [self._speed, self._pressure]
+        return {"_state": self._state.tolist(), "_used": list(self._used), "_watch": watch, "_seen": seen}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Take the place of the compensator whose `state` this is.
@@ -128,21 +131,41 @@ class EnvelopeCompensator:
             own = same_shape(state["_state"], self._state)
             f_n, f_p = (float(value) for value in state["_used"])
             average, allowed, withdrawn = (float(value) for value in state["_watch"])
+            speed, pressure = (float(value) for value in state["_seen"])
         except (KeyError, TypeError, ValueError) as problem:
             msg = f"not the state of such a compensator: {type(problem).__name__} {problem}"
             raise ValueError(msg) from None
         self._state[:] = own
         self._used[:] = f_n, f_p
         self._average, self._allowed, self._withdrawn = average, allowed, bool(withdrawn)
+        self._speed, self._pressure = speed, pressure
+
+    def commanded(self, command: Signal) -> None:
+        """Take note of the command [rad/s, 0..1] that was sent in this tick."""
+        self._speed = float(command[0])
+
+    def warm_restart(
+        self,
+        estimates: Signal,
+        isolated: str | None,
+        also_isolated: str | None,
+        reference: Signal | None,
+        missed_ticks: int,
+    ) -> None:
+        """Go over missed ticks as if all had been as it is now, but for the watch, which has not seen them.
+
+        Call it before `step`, with that tick's estimates, isolation and references.
+        """
+        for _ in range(missed_ticks):
+            self.step(estimates, isolated, also_isolated, reference)
 
     def step(
         self,
         estimates: Signal,
         isolated: str | None,
-        also_isolated: str | None,
-        command: Signal,
-        reference: Signal,
-        measured: Signal,
+        also_isolated: str | None = None,
+        reference: Signal | None = None,
+        measured: Signal | None = None,
     ) -> Vector:
         """Return the signal q of this tick.
 
@@ -152,10 +175,8 @@ class EnvelopeCompensator:
             f_N [rad/s] and f_p [Pa].
         isolated, also_isolated : str or None
             The isolated faults; for one that is "unknown" there is no q.
-        command : sequence of float, length 2
-            Compressor speed [rad/s] and valve opening [0..1] of the tick before.
-        reference, measured : sequence of float, length 2 or more
-            Of p_e [Pa] and SH [K].
+        reference, measured : sequence of float, length 2 or more, optional
+            Of p_e [Pa] and SH [K]; None: missing, and nothing is watched in this tick.
 
         Returns
         -------
@@ -168,17 +189,18 @@ class EnvelopeCompensator:
             goal, rate = (estimate, self._fades_in) if active[i] and acts else (0.0, self._fades_out)
             used[i] += rate * (goal - used[i])
         f_n, f_p = used
-        pressure = float(measured[0])
-        in_superheat = _superheat_fault(pressure, f_p) if self.design.derived > 0.5 else 0.0
+        if measured is not None:
+            self._pressure = float(measured[0])
+        in_superheat = _superheat_fault(self._pressure, f_p) if self.design.derived > 0.5 else 0.0
         inputs = self._inputs
-        inputs[0], inputs[1], inputs[2] = f_p, in_superheat, self._shift(float(command[0]), f_n)
+        inputs[0], inputs[1], inputs[2] = f_p, in_superheat, self._shift(self._speed, f_n)
         q: Vector = self._output @ self._in
         self._state[:] = self._update @ self._in
         low, high = self._speeds
-        at_limit = not low < command[0] < high
+        at_limit = not low < self._speed < high
         self._is_limited = acts and active[0] and at_limit
-        if not at_limit:  # there errors grow with any control
-            errors = (reference[0] - pressure + f_p, reference[1] - measured[1] + in_superheat)
+        if reference is not None and measured is not None and not at_limit:  # there errors grow with any control
+            errors = (reference[0] - measured[0] + f_p, reference[1] - measured[1] + in_superheat)
             self._watch(any(active), abs(errors[0]) / ERROR_UNIT[0] + abs(errors[1]) / ERROR_UNIT[1])
         return q
 

@@ -8,12 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
+from ac_common.design_file import DesignKind
 from ac_common.errors import UserError, nearest, shortened
 from gimc_controller_node.controller import Controller, ControllerDesign, GimcController
 from gimc_controller_node.fallback import FallbackController
 from gimc_controller_node.limited_controller import LimitedController
 from gimc_controller_node.protection import ProtectionLimits
 
+#: What the node takes: K0 of an operating point and that of the whole envelope are of one class.
+KINDS = (DesignKind("", "gimc_controller_node.controller", "ControllerDesign", "GimcController"),)
 #: Evaporator pressure [Pa] and superheat [K] with which a controller is tried for one tick.
 TYPICAL = np.array([2.5e5, 20.0])
 

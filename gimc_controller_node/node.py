@@ -48,6 +48,8 @@ PARAMETERS = (
     ),
 )
 
+#: Bounds the references, where the design says how near its temperature the refrigerant may come.
+AIR_INLET = "plant/air_inlet_temperature"
 #: How long the last measurement stands in for a missing one, s.
 MEASUREMENT_HOLD_S = 0.5
 #: How long a controller that joins a run waits to be told what the actuators do, s.
@@ -66,11 +68,10 @@ class ControllerNode(LoopNode):
 
     def configure(self) -> None:
         """Load the design."""
-        from gimc_controller_node import ControllerDesign
-        from gimc_controller_node.making import check_controller, make_controller
+        from gimc_controller_node.making import KINDS, check_controller, make_controller
 
         limits = ProtectionLimits(**{name: self.value(f"protection.{name}") for name in LIMITS})
-        design, own = self.design(ControllerDesign), self.value("controller_class")
+        design, own = self.design(KINDS), self.value("controller_class")
         if own:
             check_controller(own, design)
         self._controller = make_controller(design, own, limits)
@@ -87,17 +88,18 @@ class ControllerNode(LoopNode):
                 "measured/evaporator_pressure",
                 "measured/superheat",
                 "compensator/q",
+                AIR_INLET,
                 *drive,
             ),
             self._step,
             holds_s={
-                **dict.fromkeys(drive, math.inf),
+                **dict.fromkeys((AIR_INLET, *drive), math.inf),
                 "reference/evaporator_pressure": math.inf,
                 "reference/superheat": math.inf,
                 "measured/evaporator_pressure": MEASUREMENT_HOLD_S,
                 "measured/superheat": MEASUREMENT_HOLD_S,
             },
-            optional=("compensator/q",),
+            optional=("compensator/q", AIR_INLET),
             patience=PATIENCE,
             on_missed_inputs=self._on_missed_inputs,
         )
@@ -113,9 +115,9 @@ class ControllerNode(LoopNode):
         if self._joins and not self._take_over(measured, reference):
             return
         q = None if values[4] is None else np.array(values[4:6])
-        if len(values) > 6:
-            self._controller.drive(CarSide(*values[6:]).belt_speed)
-        self._send(time_ns, self._controller.step(reference, measured, q))
+        if len(values) > 7:
+            self._controller.drive(CarSide(*values[7:]).belt_speed)
+        self._send(time_ns, self._controller.step(reference, measured, q, values[6]))
 
     def _on_missed_inputs(self, time_ns: int) -> None:
         if not self._joins:

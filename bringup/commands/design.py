@@ -27,10 +27,13 @@ from bringup.commands.outcome import make_folder
 def design(point: str | None, out: str | None, sample_time: float, as_json: bool) -> None:
     """Show every synthesis: claimed and achieved norm, bound, order, regularisation, stability, time.
 
-    What has been designed before comes from the cache; a changed parameter designs anew.
+    What has been designed before comes from the cache; a changed parameter designs anew. With --out, DIR holds the
+    designs of each operating point, NODE-POINT.npz, and those of the whole envelope for runs that begin there,
+    NODE-envelope-POINT.npz.
     """
     from dataclasses import asdict
 
+    from ac_common.design_file import ENVELOPE, PAPER
     from ac_design import all_blocks, write_designs
 
     points = [point] if point else ["low", "med", "high"]
@@ -38,7 +41,8 @@ def design(point: str | None, out: str | None, sample_time: float, as_json: bool
         folder = Path(out)
         make_folder(folder)
         for name in points:
-            write_designs(folder, name, sample_time)
+            for kind in (PAPER, ENVELOPE):
+                write_designs(folder, name, sample_time, kind)
     blocks = {name: [asdict(block) for block in all_blocks(name, sample_time)] for name in points}
     if as_json:
         print_json(without_nan(blocks))

@@ -95,7 +95,7 @@ class PrivateGraph:
             write_designs_of(self._scenario, self._log)
             self._is_prepared.set()
             children, environment = self._starter.children, self._starter.environment
-            topics = topics_in(self._scenario.car is not None)
+            topics = topics_in(self._scenario.car is not None, self._scenario.design)
             with Supervisor(
                 children, environment, revive=self._revive, is_over=self._ends.is_set, topics=topics
             ) as supervisor:

@@ -145,8 +145,13 @@ def _loop_parameters(scenario: Scenario, log: Path, mode: Mode, passive: bool) -
             "seed": scenario.noise.seed,
             "superheat_sensor": scenario.superheat_sensor,
         },
-        FDI: {**timing},
-        COMPENSATOR: {**timing, "sensors": scenario.design_sensors, "accommodate": not passive},
+        FDI: {**timing, "design": scenario.design},
+        COMPENSATOR: {
+            **timing,
+            "design": scenario.design,
+            "sensors": scenario.design_sensors,
+            "accommodate": not passive,
+        },
         CONTROLLER: {**timing},
         SCENARIO: {"scenario": json.dumps(scenario.model_dump(mode="json")), "mode": mode},
     }
@@ -162,7 +167,7 @@ def _loop_parameters(scenario: Scenario, log: Path, mode: Mode, passive: bool) -
         if PROCESSES[name].keeps_memory:
             given["memory_file"] = str(log / f"{name}.memory")
         if PROCESSES[name].has_design:
-            given["design_file"] = str(log / design_name(name, point))
+            given["design_file"] = str(log / design_name(name, point, scenario.design))
             given["design_copy"] = str(log / f"{name}.npz")
             given["operating_point"] = point  # acftc's nodes have it from their design; a user's node may ask for it
     return parameters

@@ -11,7 +11,7 @@ import click
 
 from ac_common.faults import ISOLABLE, UNKNOWN, units
 from ac_common.fdi_status import StatusRow
-from ac_common.topics import CAR, JOINT_FIELD, NAMESPACE, SCALARS, TOPICS, Topic
+from ac_common.topics import CAR, JOINT_FIELD, NAMESPACE, SCALARS, TOPICS, WITH_ENVELOPE, Topic
 from ac_common.wire import pack_status, read_diagnostics
 from ac_ros_common.parameters import COMMON, Parameter
 from ac_ros_common.qos import DEADLINE_S, DEPTH
@@ -41,6 +41,8 @@ def topics_page() -> str:
             "",
             *heads,
             *map(_row, TOPICS),
+            "",
+            "¹ with the designs of an operating point (`design: paper`), ² with those of the whole envelope.",
             "",
             "A run with a car has two more, in every tick, without a deadline. To a car `scenario/air` tells what its",
             "blower moves, `scenario/condenser_air_inlet_temperature` and `scenario/air_humidity` what outside air is",
@@ -73,10 +75,13 @@ def topics_page() -> str:
 
 
 def _row(topic: Topic) -> str:
-    """Return the row of a topic."""
+    """Return the row of a topic; a number after a reader says of which designs it is."""
+    envelope = WITH_ENVELOPE.get(topic.name, topic.subscribers)
+    readers = [name + ("" if name in envelope else " ¹") for name in topic.subscribers]
+    readers += [f"{name} ²" for name in envelope if name not in topic.subscribers]
     return (
         f"| `{topic.name}` | {topic.meaning} | {topic.type.rpartition('/')[2]}, {topic.unit} | {topic.publisher} | "
-        f"{', '.join(topic.subscribers) or '–'} |"
+        f"{', '.join(readers) or '–'} |"
     )
 
 

@@ -36,12 +36,13 @@ def compensated(design, errors, f_n, f_p, isolated, also=None):
     """Commands of K0 with q, and of K0 that reads the truth, to which the inverse of f_N is added."""
     k0 = design
     with_q, truth, compensator = GimcController(k0), GimcController(k0), EnvelopeCompensator(design)
-    last, pairs = k0.command_rest, []
+    pairs = []
     for error in errors:
         measured = REFERENCE - np.array(error)
-        q = compensator.step((f_n, f_p), isolated, also, last, REFERENCE, measured)
+        q = compensator.step((f_n, f_p), isolated, also, REFERENCE, measured)
         last = with_q.step(REFERENCE, measured, q)
         with_q.sent(last)
+        compensator.commanded(last)
         ideal = truth.step(REFERENCE, measured - np.array([f_p, 0.0]), np.zeros(2))
         truth.sent(ideal)
         pairs.append((last, ideal))
@@ -64,15 +65,15 @@ def test_a_fault_of_the_speed_is_taken_off_the_command(design, rpm, kpa):
 
 @given(st.floats(-100.0, 100.0), st.floats(-1e4, 1e4), st.sampled_from([None, "unknown"]))
 def test_without_a_fault_that_is_known_there_is_no_q(design, f_n, f_p, isolated):
-    q = EnvelopeCompensator(design).step((f_n, f_p), isolated, None, design.command_rest, REFERENCE, REFERENCE)
+    q = EnvelopeCompensator(design).step((f_n, f_p), isolated, None, REFERENCE, REFERENCE)
     assert not q.any()
 
 
 def test_it_comes_and_goes_without_a_jump(design):
     slow = replace(design, fade_in_s=0.7)
-    compensator, estimates, rest = EnvelopeCompensator(slow), (40.0 * RPM, 0.0), design.command_rest
-    coming = [compensator.step(estimates, ACTUATOR, None, rest, REFERENCE, REFERENCE) for _ in range(100)]
-    going = [compensator.step(estimates, "unknown", None, rest, REFERENCE, REFERENCE) for _ in range(400)]
+    compensator, estimates = EnvelopeCompensator(slow), (40.0 * RPM, 0.0)
+    coming = [compensator.step(estimates, ACTUATOR, None, REFERENCE, REFERENCE) for _ in range(100)]
+    going = [compensator.step(estimates, "unknown", None, REFERENCE, REFERENCE) for _ in range(400)]
     speeds = np.array([np.zeros(2), *coming, *going])[:, 0]
     assert np.abs(np.diff(speeds)).max() < 10.0 * RPM
     assert abs(speeds[-1]) < 1e-2 * np.abs(speeds).max()
@@ -82,36 +83,38 @@ def test_a_derived_superheat_is_corrected_with_the_pressure(design):
     derived = EnvelopeCompensator(replace(design, derived=1.0))
     truth, f_p = GimcController(design), 5.0 * KPA
     measured = np.array([2.6e5, 18.0])
-    q = derived.step((0.0, f_p), SENSOR, None, design.command_rest, REFERENCE, measured)
+    q = derived.step((0.0, f_p), SENSOR, None, REFERENCE, measured)
     actual = measured - [f_p, saturation_temperature(2.6e5 - f_p) - saturation_temperature(2.6e5)]
     with_q = GimcController(design).step(REFERENCE, measured, q)
     assert with_q == pytest.approx(truth.step(REFERENCE, actual, np.zeros(2)), rel=1e-9)
 
 
 def test_growing_errors_withdraw_it_until_nothing_is_isolated(design):
-    compensator, rest = EnvelopeCompensator(design), design.command_rest
+    compensator = EnvelopeCompensator(design)
     far = REFERENCE - np.array([40.0 * KPA, 10.0])
     for _ in range(600):
-        compensator.step((40.0 * RPM, 0.0), ACTUATOR, None, rest, REFERENCE, far)
+        compensator.step((40.0 * RPM, 0.0), ACTUATOR, None, REFERENCE, far)
     assert compensator.does == HARMFUL
-    compensator.step((0.0, 0.0), None, None, rest, REFERENCE, REFERENCE)
+    compensator.step((0.0, 0.0), None, None, REFERENCE, REFERENCE)
     assert compensator.does == ""
 
 
 def test_a_limit_that_leaves_a_part_of_the_fault_is_announced(design):
-    compensator, lowest = EnvelopeCompensator(design), design.command_min
-    compensator.step((80.0 * RPM, 0.0), ACTUATOR, None, lowest, REFERENCE, REFERENCE)
+    compensator = EnvelopeCompensator(design)
+    compensator.commanded(design.command_min)
+    compensator.step((80.0 * RPM, 0.0), ACTUATOR, None, REFERENCE, REFERENCE)
     assert compensator.does == AT_LIMIT
 
 
 @settings(max_examples=20)
 @given(errors, errors)
 def test_one_that_is_restored_goes_on_bit_by_bit(design, before, after):
-    own, other, rest = EnvelopeCompensator(design), EnvelopeCompensator(design), design.command_rest
+    own, other = EnvelopeCompensator(design), EnvelopeCompensator(design)
 
     def step(which, error):
-        return which.step((3.0, 2e3), ACTUATOR, SENSOR, rest, REFERENCE, REFERENCE - np.array(error))
+        return which.step((3.0, 2e3), ACTUATOR, SENSOR, REFERENCE, REFERENCE - np.array(error))
 
+    own.commanded(design.command_rest + np.array([20.0 * RPM, 0.0]))
     for error in before:
         step(own, error)
     other.restore(json.loads(json.dumps(own.state())))
@@ -139,9 +142,10 @@ def test_both_faults_are_taken_back_on_the_plant(design, point):
     outputs, command = op.outputs, np.array(op.inputs[:2])
     for _ in range(1200):
         measured = outputs[:2] + np.array([f_p, 0.0])
-        q = compensator.step((f_n, f_p), ACTUATOR, SENSOR, command, reference, measured)
+        q = compensator.step((f_n, f_p), ACTUATOR, SENSOR, reference, measured)
         command = k0.step(reference, measured, q)
         k0.sent(command)
+        compensator.commanded(command)
         outputs = plant.step(np.array([command[0] + f_n, command[1], *op.inputs[2:]]), T)
     assert outputs[0] == pytest.approx(reference[0], abs=0.01 * KPA)
     assert outputs[1] == pytest.approx(reference[1], abs=0.01)

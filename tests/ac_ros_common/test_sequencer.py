@@ -1,11 +1,11 @@
-"""Whose turn it is at the detector, whatever is lost, late, or early."""
+"""Whose turn it is, whatever is lost, late, or early."""
 
 import itertools
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fdi_node.sequencer import Sequencer
+from ac_ros_common.sequencer import Sequencer
 
 
 class Log:

@@ -1,13 +1,15 @@
-"""Whose turn it is at the detector: a tick's measurements, then the command that answers them, as they come in.
+"""Whose turn it is: a tick's measurements, then the command that answers them, as they come in.
 
+For a node that needs both, such as the detector: the measurements of a tick and the command of the tick before.
 Bookkeeping without ROS. Commands may be lost, come late, or overtake their own measurements; measurements may overtake
 the command of the tick before.
 """
 
 from collections.abc import Callable
+from typing import Any
 
 #: Stamp in ns, then the values of a tick.
-Tick = tuple[int, *tuple[float, ...]]
+Tick = tuple[int, *tuple[Any, ...]]
 
 
 class Sequencer:
@@ -37,7 +39,7 @@ class Sequencer:
         self._early: Tick | None = None  # measurements that wait for the command of the tick before
         self._ahead: Tick | None = None  # a command that waits for its measurements
 
-    def measured(self, time_ns: int, *values: float) -> None:
+    def measured(self, time_ns: int, *values: Any) -> None:
         """Take the measurements of a tick; those that have overtaken a command wait for it, for one tick."""
         if self.awaited_ns is None:
             self._observe((time_ns, *values))
@@ -47,7 +49,7 @@ class Sequencer:
             self._observe(self._early)
         self._early = (time_ns, *values)
 
-    def commanded(self, time_ns: int, *values: float) -> None:
+    def commanded(self, time_ns: int, *values: Any) -> None:
         """Take a command; one that has overtaken its measurements, as a replay's may, waits for them."""
         if self.awaited_ns is None:
             if time_ns > self.observed_ns:

@@ -1,0 +1,66 @@
+"""The detector that a design is for: the one of an operating point, or the one of the whole envelope."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from ac_common.design_file import ENVELOPE, PAPER, DesignKind, kind_of
+from ac_common.signals import Measurement, topics_of
+from fdi_node.detector import Detection
+
+#: What a detector may be told of the air, in this order.
+INLET_TEMPERATURES = ("plant/air_inlet_temperature", "plant/condenser_air_inlet_temperature")
+
+
+class Detector(Protocol):
+    """What the loop asks of a detector."""
+
+    @property
+    def observe(self) -> Callable[..., Detection]:
+        """Called with the time [s], the readings and the inlet temperatures of a tick."""
+
+    @property
+    def warm_restart(self) -> Callable[..., None]:
+        """Called with readings, inlet temperatures, last command and missed ticks."""
+
+    def commanded(self, command: Any) -> None:
+        """Close the tick with the command [rad/s, 0..1] that was sent."""
+
+    def state(self) -> Mapping[str, Any]:
+        """Return what a detector that takes this one's place needs."""
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Take the place of the detector whose `state` this is."""
+
+
+@dataclass(frozen=True)
+class DetectorKind(DesignKind):
+    """A kind of detector.
+
+    Attributes
+    ----------
+    readings : int
+        How many of the fields of `Measurement` it is told.
+    inlets : int
+        How many of `INLET_TEMPERATURES`.
+    """
+
+    readings: int
+    inlets: int
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """Topics of what it is told, the readings first."""
+        return (*topics_of("measured", Measurement)[: self.readings], *INLET_TEMPERATURES[: self.inlets])
+
+
+KINDS = (
+    DetectorKind(PAPER, "fdi_node.detector", "FdiDesign", "FaultDetector", readings=3, inlets=1),
+    DetectorKind(ENVELOPE, "fdi_node.envelope", "EnvelopeDesign", "EnvelopeDetector", readings=4, inlets=2),
+)
+
+
+def make_detector(design: Any) -> tuple[Detector, DetectorKind]:
+    """Return the detector of a design, at its beginning, and the kind that it is of."""
+    kind = kind_of(KINDS, design)
+    return kind.made_of(design), kind
