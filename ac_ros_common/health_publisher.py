@@ -53,6 +53,10 @@ class Health:
 
         return timed
 
+    def not_kept(self, problem: str) -> None:
+        """Take note of why a checkpoint could not be kept or used."""
+        self.last_rejected = problem
+
     def worked(self, started_s: float, budget_s: float = math.inf) -> None:
         """Count one tick whose inputs were complete at `started_s` (monotonic clock); the watchdog of the loop."""
         took_s = time.monotonic() - started_s

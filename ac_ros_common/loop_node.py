@@ -71,7 +71,7 @@ class LoopNode(ManagedNode):
         self.health = Health()
         self.is_bad_input = False  # whether what the user gave is to blame for the last transition's failure
         self.realtime = RealtimeSettings()
-        self.checkpoint = CheckpointFile(None, self._not_kept)
+        self.checkpoint = CheckpointFile(None, self.health.not_kept)
         self._known = {p.name: p for p in (*COMMON, *parameters)}
         self.add_on_set_parameters_callback(lambda given: checked(self._known, given, self.state))
         for parameter in self._known.values():
@@ -276,7 +276,7 @@ class LoopNode(ManagedNode):
                 self.add_output(topic)
         self.is_realtime = "mode" in self._known and self.value("mode") == "realtime"
         kept = self.value("memory_file") if self.is_realtime and "memory_file" in self._known else ""
-        self.checkpoint = CheckpointFile(Path(kept) if kept else None, self._not_kept)
+        self.checkpoint = CheckpointFile(Path(kept) if kept else None, self.health.not_kept)
         self.configure()
 
     def _forget(self) -> None:
@@ -312,9 +312,6 @@ class LoopNode(ManagedNode):
     def _publisher(self, type_: Any, name: str, qos: QoSProfile) -> Publisher:
         events = PublisherEventCallbacks(matched=lambda _: self.report_health())
         return self.create_publisher(type_, name, qos, callback_group=self._setup, event_callbacks=events)
-
-    def _not_kept(self, problem: str) -> None:
-        self.health.last_rejected = problem
 
 
 def run_node(make: Callable[[], LoopNode]) -> NoReturn:
