@@ -51,7 +51,8 @@ class EnvelopeCompensatorDesign(ControllerDesign):
     Attributes
     ----------
     fade_in_s, fade_out_s : float
-        Time constants.
+        Time constants. `fade_in_s` is that of f_N; f_p comes in at once, because the reading has jumped by it: what
+        K0 reads is then smoother than with a fade.
     watch_s : float
         Time constant with which the control errors are averaged: the sum of both in `ERROR_UNIT`.
     healthy : float
@@ -62,7 +63,7 @@ class EnvelopeCompensatorDesign(ControllerDesign):
         Whether the superheat is derived from the measured pressure: 1 or 0.
     """
 
-    fade_in_s: float = 0.7
+    fade_in_s: float = 0.3
     fade_out_s: float = 5.0
     watch_s: float = 30.0
     healthy: float = 3.0
@@ -99,9 +100,10 @@ class EnvelopeCompensator:
         self._speed = float(k0.command_rest[0])  # as it was last commanded
         self._pressure = TYPICAL[0]  # as it last read
         step = k0.sample_time_s
-        self._fades_in, self._fades_out, self._averages = (
+        fade_in, self._fades_out, self._averages = (
             -math.expm1(-step / time) for time in (design.fade_in_s, design.fade_out_s, design.watch_s)
         )
+        self._fades_in = (fade_in, 1.0)
         self._average, self._allowed = 0.0, design.healthy + design.harmful
         self._withdrawn = False
         self._is_limited = False
@@ -186,7 +188,7 @@ class EnvelopeCompensator:
         active = [kind in (isolated, also_isolated) for kind in ISOLABLE_KINDS]
         acts, used = self.accommodate and not self._withdrawn, self._used
         for i, estimate in enumerate(estimates):
-            goal, rate = (estimate, self._fades_in) if active[i] and acts else (0.0, self._fades_out)
+            goal, rate = (estimate, self._fades_in[i]) if active[i] and acts else (0.0, self._fades_out)
             used[i] += rate * (goal - used[i])
         f_n, f_p = used
         if measured is not None:

@@ -1,4 +1,4 @@
-"""The decorator for the compiled functions of this package: the plant's, and this package's own sources with them."""
+"""The decorator for the compiled functions of this package: the plant's modules, and its own, compiled together."""
 
 from collections.abc import Callable
 from typing import Any
@@ -8,7 +8,8 @@ from ac_plant_node.compiled_sources import COMPILED_SOURCES
 
 __all__ = ["Array", "jit"]
 
-_compile = compiler(*COMPILED_SOURCES, "fdi_node.envelope")
+_MODULES = ("model", "transition", "memory", "jumps", "filter")
+_compile = compiler(*COMPILED_SOURCES, *(f"fdi_node.envelope.{name}" for name in _MODULES))
 
 
 def jit[F: Callable[..., Any]](function: F) -> F:

@@ -8,7 +8,8 @@ At every tick there are explanations of what has been seen: a jump of one unknow
 - Jumps of the air flows are no fault. Of a fault that has a name, the name is isolated; the others are "unknown". So is
   what no explanation is ahead of for `undecided_s`, what leaves the innovations inconsistent for so long, and a fault
   larger than one with that name can be.
-- A named fault is isolated without a jump, too, when its estimate has wandered beyond its threshold.
+- A named fault is isolated without a jump, too, when its estimate has wandered beyond its threshold and no jump waits
+  for its explanation.
 - A fault is over when its estimate has been next to nothing for `clear_s`, an unknown one when there has been
   nothing to explain for so long.
 
@@ -44,17 +45,23 @@ class Limits:
     Attributes
     ----------
     natural, likely, likely_unknown, plain, certain : float
-        Likelihood ratios (twice the logarithm) above which an air flow has jumped; a named fault is detected and,
-        if it is ahead, isolated; one without a name is; a fault is isolated soon; it is certain that something is.
+        Likelihood ratios (twice the logarithm) above which an air flow has jumped; a named fault is isolated if it is
+        ahead; one without a name is, and any fault is detected; a fault of the compressor is isolated soon; it is
+        certain that something is.
     ahead, ahead_natural, ahead_share : float
         An explanation is ahead of another by the first, a jump of an air flow by the second; or by this share of its
         own ratio if that is more, because the model is linearised.
+    at_once, at_once_share : float
+        A named fault that is ahead by this much, and by this share of its own ratio, is isolated in the same tick: a
+        reading that jumps by many standard deviations in one tick has no physical cause.
     common_bonus : float
         What the ratio of a named fault or an air flow counts more against those of the others, which are rarer.
     hold_s, hold_unsure_s : float
-        How long a named fault whose ratio is above `plain`, and any other one, must be ahead.
-    undecided_s, unclear_s : float
-        How long an explanation is waited for when ratios are above `certain`, and when not.
+        How long a fault of the compressor whose ratio is above `plain`, and any other one, must be ahead (early in a
+        fault of the compressor a jump of the pressure's sensor can explain as much), and anything must be likely to be
+        detected.
+    undecided_s : float
+        How long an explanation is waited for when ratios are above `certain`. When they are not, as long as it takes.
     clear_s, settle_s : float
         How long a fault must be gone to be over; for how long after the start nothing is concluded.
     sigmas : float
@@ -71,17 +78,18 @@ class Limits:
 
     natural: float = 25.0
     likely: float = 50.0
-    likely_unknown: float = 100.0
-    plain: float = 300.0
+    likely_unknown: float = 200.0
+    plain: float = 120.0
     certain: float = 1000.0
     ahead: float = 10.0
     ahead_natural: float = 4.0
     ahead_share: float = 0.01
+    at_once: float = 80.0
+    at_once_share: float = 0.4
     common_bonus: float = 15.0
     hold_s: float = 0.4
     hold_unsure_s: float = 3.0
     undecided_s: float = 30.0
-    unclear_s: float = 90.0
     clear_s: float = 20.0
     settle_s: float = 20.0
     sigmas: float = 5.0
@@ -125,12 +133,14 @@ class Since:
     Attributes
     ----------
     likely : something has probably jumped.
+    certain : something has certainly jumped.
     ahead : the explanation `leader` is ahead of the others.
     inconsistent : the innovations are.
     beyond_n, beyond_p : the estimate of the fault is beyond its threshold.
     """
 
     likely: float = NOT
+    certain: float = NOT
     ahead: float = NOT
     leader: int = -1
     inconsistent: float = NOT
@@ -172,17 +182,17 @@ class EnvelopeDecision:
             self._look_at_consistency(time_s)
         if self.isolated:
             self._end(time_s)
-        return self._conclude(thresholds)
+        return self._conclude(time_s, thresholds)
 
     def _deviation(self, unknown: int) -> float:
         """Return the standard deviation of an unknown in its unit."""
         at = N_STATES + unknown
         return math.sqrt(max(float(self._memory.P[at, at]), 0.0)) * self._unknowns[unknown].scale
 
-    def _conclude(self, thresholds: tuple[float, ...]) -> Conclusion:
+    def _conclude(self, time_s: float, thresholds: tuple[float, ...]) -> Conclusion:
         if not self.isolated:
-            onset_s = self.since.likely
-            detected = onset_s < NOT
+            onset_s, here = self.since.likely, float(self._memory.scalars[LARGEST])
+            detected = time_s - onset_s >= self.limits.hold_unsure_s and here > self.limits.likely_unknown
             return Conclusion(thresholds, detected, None, math.nan, onset_s if detected else math.nan, math.nan, None)
         for one in self.isolated:
             if one.name == UNKNOWN:
@@ -196,7 +206,7 @@ class EnvelopeDecision:
         limits, since = self.limits, self.since
         here = float(self._memory.scalars[LARGEST])
         if here < limits.natural:
-            since.likely = since.ahead = NOT
+            since.likely = since.certain = since.ahead = NOT
             return
         ratios = [
             ratio + limits.common_bonus * (reported != UNKNOWN)
@@ -211,7 +221,7 @@ class EnvelopeDecision:
             self._accept(top)
             return
         if here < limits.likely or (reported == UNKNOWN and here < limits.likely_unknown):
-            since.likely = since.ahead = NOT
+            since.likely = since.certain = since.ahead = NOT
             return
         if since.likely == NOT:
             since.likely = time_s
@@ -220,17 +230,20 @@ class EnvelopeDecision:
         elif top != since.leader or since.ahead == NOT:
             since.leader, since.ahead = top, time_s
         onset_s = time_s - float(self._memory.age[int(self._memory.best[top])]) * self._h
-        hold_s = limits.hold_s if here > limits.plain and reported != UNKNOWN else limits.hold_unsure_s
-        if time_s - since.ahead >= hold_s - 1.0e-9:
+        since.certain = min(since.certain, time_s) if here > limits.certain else NOT
+        is_plain = here > limits.plain and int(self._rules.jumping[top]) == 0
+        hold_s = limits.hold_s if is_plain else limits.hold_unsure_s
+        at_once = reported != UNKNOWN and lead > max(limits.at_once, limits.at_once_share * best)
+        if at_once or time_s - since.ahead >= hold_s - 1.0e-9:
             stuck = self._rules.prior[top] < 0.0
             self._accept(top)
             self._add(-1 if stuck else int(self._rules.jumping[top]), reported, onset_s, time_s)
-        elif time_s - since.likely >= (limits.undecided_s if here > limits.certain else limits.unclear_s):
+        elif time_s - since.certain >= limits.undecided_s:
             self._add(-1, UNKNOWN, onset_s, time_s)
 
     def _accept(self, top: int) -> None:
         kalman.accept_jump(self._flat, self._rules, top)
-        self.since.likely = self.since.ahead = NOT
+        self.since.likely = self.since.certain = self.since.ahead = NOT
 
     def _add(self, unknown: int, name: str, onset_s: float, time_s: float) -> None:
         """Isolate a fault, unless it is already."""
@@ -254,7 +267,7 @@ class EnvelopeDecision:
         known = [one.unknown for one in self.isolated]
         for i, name in enumerate(("beyond_n", "beyond_p")):
             value = float(self._memory.x[i])
-            if abs(value) <= thresholds[i]:
+            if abs(value) <= thresholds[i] or since.likely < NOT:
                 setattr(since, name, NOT)
                 continue
             began = min(getattr(since, name), time_s)

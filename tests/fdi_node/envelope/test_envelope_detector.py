@@ -52,7 +52,7 @@ def test_jump_of_the_pressure_sensor_shows_as_nothing_else(kpa: float) -> None:
     loop = Loop("med")
     list(loop.run(30.0))
     said = list(loop.run(5.0, reading_fault=(kpa * KPA, 0.0, 0.0, 0.0)))
-    assert {one.isolated for one in said} == {None, "evaporator_pressure"}
+    assert {one.isolated for one in said} - {None} == {"evaporator_pressure"}
     assert said[9].isolated == "evaporator_pressure"
     assert said[-1].size / KPA == pytest.approx(kpa, abs=0.3)
     assert max(abs(one.residual[0]) for one in said) < 3.0 * RPM
