@@ -29,7 +29,7 @@ from ac_common.units import KPA, RPM
 from ac_plant_node.dynamics.balances import N_STATES
 from fdi_node.envelope import filter as kalman
 from fdi_node.envelope import jumps
-from fdi_node.envelope.memory import LARGEST, NIS, TICKS, Rules, memory_of
+from fdi_node.envelope.memory import ABRUPT, LARGEST, NIS, TICKS, Rules, memory_of
 from fdi_node.envelope.unknowns import NATURAL, Unknown
 
 NOT = math.inf
@@ -56,10 +56,15 @@ class Limits:
         reading that jumps by many standard deviations in one tick has no physical cause.
     common_bonus : float
         What the ratio of a named fault or an air flow counts more against those of the others, which are rarer.
+    onsets_malus : float
+        What the ratio of the pressure sensor's jump counts less, because the likeliest of many onsets is taken.
     hold_s, hold_unsure_s : float
         How long a fault of the compressor whose ratio is above `plain`, and any other one, must be ahead (early in a
         fault of the compressor a jump of the pressure's sensor can explain as much), and anything must be likely to be
         detected.
+    after_natural_s : float
+        For how long after a jump of an air flow a fault waits that is neither isolated at once nor a plain one of the
+        compressor: the model is linearised.
     undecided_s : float
         How long an explanation is waited for when ratios are above `certain`. When they are not, as long as it takes.
     clear_s, settle_s : float
@@ -84,11 +89,13 @@ class Limits:
     ahead: float = 10.0
     ahead_natural: float = 4.0
     ahead_share: float = 0.01
-    at_once: float = 80.0
-    at_once_share: float = 0.4
+    at_once: float = 60.0
+    at_once_share: float = 0.25
     common_bonus: float = 15.0
+    onsets_malus: float = 5.0
     hold_s: float = 0.4
     hold_unsure_s: float = 3.0
+    after_natural_s: float = 30.0
     undecided_s: float = 30.0
     clear_s: float = 20.0
     settle_s: float = 20.0
@@ -134,6 +141,7 @@ class Since:
     ----------
     likely : something has probably jumped.
     certain : something has certainly jumped.
+    natural : an air flow has jumped.
     ahead : the explanation `leader` is ahead of the others.
     inconsistent : the innovations are.
     beyond_n, beyond_p : the estimate of the fault is beyond its threshold.
@@ -141,6 +149,7 @@ class Since:
 
     likely: float = NOT
     certain: float = NOT
+    natural: float = -NOT
     ahead: float = NOT
     leader: int = -1
     inconsistent: float = NOT
@@ -212,6 +221,7 @@ class EnvelopeDecision:
             ratio + limits.common_bonus * (reported != UNKNOWN)
             for ratio, reported in zip(self._memory.ratios.tolist(), self._reported, strict=True)
         ]
+        ratios[ABRUPT] -= limits.onsets_malus
         best = max(ratios)
         top = ratios.index(best)
         lead = best - max(ratios[:top] + ratios[top + 1 :])
@@ -219,6 +229,7 @@ class EnvelopeDecision:
         reported = self._reported[top]
         if reported == NATURAL and lead > limits.ahead_natural:
             self._accept(top)
+            since.natural = time_s
             return
         if here < limits.likely or (reported == UNKNOWN and here < limits.likely_unknown):
             since.likely = since.certain = since.ahead = NOT
@@ -234,7 +245,8 @@ class EnvelopeDecision:
         is_plain = here > limits.plain and int(self._rules.jumping[top]) == 0
         hold_s = limits.hold_s if is_plain else limits.hold_unsure_s
         at_once = reported != UNKNOWN and lead > max(limits.at_once, limits.at_once_share * best)
-        if at_once or time_s - since.ahead >= hold_s - 1.0e-9:
+        ready_s = max(since.ahead + hold_s, -NOT if is_plain else since.natural + limits.after_natural_s)
+        if at_once or time_s >= ready_s - 1.0e-9:
             stuck = self._rules.prior[top] < 0.0
             self._accept(top)
             self._add(-1 if stuck else int(self._rules.jumping[top]), reported, onset_s, time_s)

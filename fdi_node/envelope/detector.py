@@ -36,6 +36,8 @@ Signal = Sequence[float] | Vector
 
 _CONDENSER_AIR_C = INPUT["condenser_air_inlet_temperature"]
 _TOLERANCE = 1.0e-4
+JACOBIAN_S = 2.0
+"""A Jacobian is renewed after this time at the latest."""
 _NEAR, _FAR = 0.05, 0.5
 """Standard deviations of the states, in units of their scales, where the observer begins: at a known rest, anywhere."""
 
@@ -116,7 +118,7 @@ def rules_of(design: EnvelopeDesign) -> Rules:
         jumping=np.array(jumping, dtype=np.float64),
         prior=np.where(sizes > 0.0, 1.0 / np.maximum(sizes, 1.0e-9) ** 2, -1.0),
         nominal=np.ascontiguousarray(design.parameters),
-        constants=np.array([design.sample_time_s, round(1.0 / design.sample_time_s), design.rate_share]),
+        constants=np.array([design.sample_time_s, round(JACOBIAN_S / design.sample_time_s), design.rate_share]),
     )
 
 
@@ -194,7 +196,7 @@ class EnvelopeDetector:
         Must be called once after each `observe`: the observer moves on to the next tick here.
         """
         self._told[SPEED], self._told[OPENING] = command
-        if kalman.predict(self._flat, self.rules, self._told, self._tab) != 0 or not np.isfinite(self.memory.out).all():
+        if kalman.predict(self._flat, self.rules, self._told, self._tab) != 0:
             self._begin(self._reading, _FAR)  # no state near this one goes on inside the tables
 
     def _tell(self, air_c: float, condenser_air_c: float, air_mass_flow_kg_s: float | None) -> None:

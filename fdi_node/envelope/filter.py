@@ -71,7 +71,7 @@ SHORT_R = np.array([0.0, 1.0, 9.0, 0.0])
 """by these variances in K^2 of SH and T_w,"""
 SHORT_Q = np.array([0.0, 50.0, 3.0e3, 0.1, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]) ** 2 / STATE_SCALE**2
 """and intensities of noise of U_e, h_e2, T_ew, D_e."""
-MOVED_ZETA, MOVED_SPEED, MOVED_OPENING, REST = 0.03, 0.2, 0.05, 2
+MOVED_ZETA, MOVED_SPEED, MOVED_OPENING, REST = 0.03, 0.2, 0.05, 5
 """Changes of zone length, speed (logarithm) and opening that renew the Jacobian, after this many ticks at least."""
 MOST_SD = 10.0
 """Largest standard deviation, in units of the scales."""
@@ -100,9 +100,18 @@ def _renew_when_due(m: Memory, rules: Rules, told: Array, tab: Tables) -> None:
 
 
 @jit
+def _uncertain(m: Memory, rules: Rules) -> int:
+    """Return how many states there are up to the last that is not known exactly: P is zero beyond."""
+    n: int = m.P.shape[0]
+    while n > N_STATES and m.P[n - 1, n - 1] == 0.0 and rules.Q[n - 1] == 0.0:
+        n -= 1
+    return n
+
+
+@jit
 def _innovate(m: Memory, rules: Rules, reading: Array) -> None:
     """Work out innovations, C P and the innovations' standard deviations before this tick's correction."""
-    n = m.P.shape[0]
+    n = _uncertain(m, rules)
     for r in range(N_READINGS):
         m.e[r] = (reading[r] - m.out[r]) / READING_SCALE[r]
     for i in range(m.x.shape[0]):
@@ -111,7 +120,7 @@ def _innovate(m: Memory, rules: Rules, reading: Array) -> None:
             m.e[at] -= m.x[i] / READING_SCALE[at]
     for r in range(N_READINGS):
         K = m.PC[r]
-        for i in range(n):
+        for i in range(m.P.shape[0]):
             K[i] = 0.0
         if not rules.R[r] < np.inf:
             m.e[r], m.s[r] = 0.0, 1.0
@@ -130,9 +139,9 @@ def _innovate(m: Memory, rules: Rules, reading: Array) -> None:
 @jit
 def _correct(m: Memory, rules: Rules, dz: Array) -> None:
     """Work out the correction `dz` (n,), the covariance after it, and what the jumps' windows learn."""
-    n, P = m.P.shape[0], m.P
+    n, P = _uncertain(m, rules), m.P
     may_gate, gated, total, readings = m.scalars[GATED] * rules.constants[0] < GATED_S, False, 0.0, 0.0
-    for i in range(n):
+    for i in range(m.P.shape[0]):
         dz[i] = 0.0
     for r in range(N_READINGS):
         m.white[r] = 0.0
@@ -216,7 +225,7 @@ def observe(flat: Array, rules: Rules, reading: Array, told: Array, tab: Tables)
 def predict(flat: Array, rules: Rules, told: Array, tab: Tables) -> int:
     """Go on to the next tick with the plant driven by `told`; 0, or 1 when the state cannot be continued."""
     m = memory_of(flat, rules.rows.shape[0], rules.jumping.shape[0])
-    k, h, n = views(m.work), rules.constants[0], m.P.shape[0]
+    k, h = views(m.work), rules.constants[0]
     apply(m.x, rules.rows, told, rules.nominal, m.par, m.held)
     for i in range(N_STATES):
         m.now[i] = k.y[i]
@@ -228,14 +237,17 @@ def predict(flat: Array, rules: Rules, told: Array, tab: Tables) -> int:
             k.y[i] = m.now[i] = m.before[i]
         k.held[0] = np.nan
         status = integrator.run(m.work, m.par, tab, m.held, h, m.out)
-    _propagate_covariance(m, rules, n)
+    _propagate_covariance(m, rules, _uncertain(m, rules))
     jumps.propagate(m, rules, told[OPENING])
+    for r in range(N_READINGS):
+        if not np.isfinite(m.out[r]):
+            status = 1
     return status
 
 
 @jit
 def _propagate_covariance(m: Memory, rules: Rules, n: int) -> None:
-    """P <- F P F' + Q, no standard deviation above `MOST_SD`."""
+    """P <- F P F' + Q of the first n states, no standard deviation above `MOST_SD`."""
     P, F, h, y = m.P, m.F, rules.constants[0], views(m.work).y
     M, FT, D = np.zeros((N_STATES, n)), np.zeros((n, N_STATES)), np.zeros(N_STATES)
     for i in range(N_STATES):

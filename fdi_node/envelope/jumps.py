@@ -27,8 +27,11 @@ TELLING, SPEAKING = 20.0, 36.0
 window anew when its ratio is beyond the second."""
 STARTLING = 6.0
 """An innovation of this many standard deviations begins the last window."""
-LINEARISED = 0.2
+LINEARISED = 0.4
 """What linearisation may leave of a jump in the estimate, as a share of it."""
+LARGEST_JUMP = 2.0
+"""No jump is larger than this many of its prior standard deviations. Without a limit an absurdly large one, some ticks
+ago, would explain a reading's jump nearly as well as that does."""
 
 
 @jit
@@ -168,10 +171,17 @@ def judge(m: Memory, rules: Rules) -> None:
 
 
 @jit
+def _size(m: Memory, rules: Rules, at: int, h: int) -> float:
+    largest = LARGEST_JUMP / np.sqrt(rules.prior[h])
+    return float(min(max(m.d[at] / (m.S[at] + rules.prior[h]), -largest), largest))
+
+
+@jit
 def _ratio(m: Memory, rules: Rules, at: int, h: int) -> float:
     if rules.prior[h] < 0.0:
         return float(2.0 * m.d[at] - m.S[at])
-    return float(m.d[at] * m.d[at] / (m.S[at] + rules.prior[h]))
+    total, size = m.S[at] + rules.prior[h], _size(m, rules, at, h)
+    return float(size * (2.0 * m.d[at] - size * total))
 
 
 @jit
@@ -186,9 +196,9 @@ def accept(m: Memory, rules: Rules, h: int, dz: Array) -> None:
     for i in range(n):
         dz[i] = 0.0
     if rules.prior[h] >= 0.0:
-        total = m.S[at] + rules.prior[h]
+        total, size = m.S[at] + rules.prior[h], _size(m, rules, at, h)
         for i in range(n):
-            dz[i] = m.V[i, at] * m.d[at] / total
+            dz[i] = m.V[i, at] * size
             for j in range(n):
                 m.P[i, j] += m.V[i, at] * m.V[j, at] / total
         for i in range(n):
