@@ -46,8 +46,8 @@ class Limits:
     ----------
     natural, likely, likely_unknown, plain, certain : float
         Likelihood ratios (twice the logarithm) above which an air flow has jumped; a named fault is isolated if it is
-        ahead; one without a name is, and any fault is detected; a fault of the compressor is isolated soon; it is
-        certain that something is.
+        ahead; one without a name is; a fault of the compressor is isolated soon; it is certain that something is, so
+        that it is detected.
     ahead, ahead_natural, ahead_share : float
         An explanation is ahead of another by the first, a jump of an air flow by the second; or by this share of its
         own ratio if that is more, because the model is linearised.
@@ -60,7 +60,7 @@ class Limits:
         What the ratio of the pressure sensor's jump counts less, because the likeliest of many onsets is taken.
     hold_s, hold_unsure_s : float
         How long a fault of the compressor whose ratio is above `plain`, and any other one, must be ahead (early in a
-        fault of the compressor a jump of the pressure's sensor can explain as much), and anything must be likely to be
+        fault of the compressor a jump of the pressure's sensor can explain as much), and anything must be certain to be
         detected.
     after_natural_s : float
         For how long after a jump of an air flow a fault waits that is neither isolated at once nor a plain one of the
@@ -83,7 +83,7 @@ class Limits:
 
     natural: float = 25.0
     likely: float = 50.0
-    likely_unknown: float = 200.0
+    likely_unknown: float = 800.0
     plain: float = 120.0
     certain: float = 1000.0
     ahead: float = 10.0
@@ -200,8 +200,8 @@ class EnvelopeDecision:
 
     def _conclude(self, time_s: float, thresholds: tuple[float, ...]) -> Conclusion:
         if not self.isolated:
-            onset_s, here = self.since.likely, float(self._memory.scalars[LARGEST])
-            detected = time_s - onset_s >= self.limits.hold_unsure_s and here > self.limits.likely_unknown
+            onset_s = self.since.likely
+            detected = time_s - self.since.certain >= self.limits.hold_unsure_s
             return Conclusion(thresholds, detected, None, math.nan, onset_s if detected else math.nan, math.nan, None)
         for one in self.isolated:
             if one.name == UNKNOWN:
