@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, field
+from dataclasses import astuple, dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -19,6 +19,8 @@ from fdi_node.envelope.unknowns import PARAMETERS, UNKNOWNS
 SENSORS = ("p_e", "superheat", "T_w", "p_c")
 """Readings that the observer can use; the first two it must."""
 AirFlowSensor = Literal["none", "blower"]
+PARAMETERS_SETTLE_S = 120.0
+"""For how long after the start nothing is concluded while the plant's parameters are estimated, too."""
 
 _STATE_NOISE = 0.1 * np.array([1e-5, 5.0, 20.0, 0.003, 0.002, 0.0, 50.0, 2e-4, 20.0, 0.003, 0.002, 0.002])
 
@@ -80,6 +82,7 @@ def design_envelope_fdi(
     if air_flow_sensor not in ("none", "blower"):
         raise UserError(f"air_flow_sensor {air_flow_sensor!r}: allowed are none and blower")
     weights = weights or EnvelopeWeights()
+    limits = replace(weights.limits, settle_s=PARAMETERS_SETTLE_S) if estimate_parameters else weights.limits
     parameters, rests = load_parameters(), [operating_point(name) for name in POINTS]
     known = {"evaporator_air_flow"} if air_flow_sensor == "blower" else set()
     if "p_c" not in sensors:
@@ -97,6 +100,6 @@ def design_envelope_fdi(
         rate_share=weights.rate_share,
         first=np.array([0.0 if one.name in known else one.first for one in unknowns]),
         drift=np.array([0.0 if one.name in known else one.drift for one in unknowns]),
-        limits=np.array(astuple(weights.limits)),
+        limits=np.array(astuple(limits)),
         sample_time_s=sample_time_s,
     )

@@ -109,10 +109,11 @@ _PARAMETERS = (
 )  # fmt: skip
 
 PARAMETERS = tuple(
-    Unknown(name, Place.PARAMETER, -1 if name == "charge_kg" else INDEX[name], sigma, sigma, 0.0, _ANY)
+    Unknown(name, Place.PARAMETER, -1 if name == "charge_kg" else INDEX[name], sigma, sigma, 0.01 * sigma, _ANY)
     for name, sigma in _PARAMETERS
 )
-"""Parameters of the plant that may be off, with the standard deviation of each: constants."""
+"""Parameters of the plant that may be off, with the standard deviation of each. They may wander a little: as constants
+they would soon be believed more than a linearised filter can know them."""
 
 
 def table(unknowns: tuple[Unknown, ...]) -> NDArray[np.float64]:
