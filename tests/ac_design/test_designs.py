@@ -33,6 +33,7 @@ def test_every_norm_is_what_was_claimed(point: str) -> None:
     assert [report.block for report in reports] == [
         "K0",
         "K0_paper",
+        "K0_envelope",
         "K0_belt",
         "H_N",
         "H_p",

@@ -17,8 +17,8 @@ pytestmark = [pytest.mark.ros, pytest.mark.clock]
 FAULTY = {
     "name": "faulty",
     "design": "envelope",
-    "duration_s": 36.0,
-    "faults": [{"kind": "evaporator_pressure", "size_kpa": 5, "onset_s": 3}],
+    "duration_s": 42.0,
+    "faults": [{"kind": "evaporator_pressure", "size_kpa": 5, "onset_s": 23}],
     "noise": {
         "evaporator_pressure_kpa": 0.2,
         "superheat_k": 0.1,
@@ -27,7 +27,7 @@ FAULTY = {
         "seed": 7,
     },
 }
-KILLED = {250: FDI, 300: COMPENSATOR}
+KILLED = {310: FDI, 360: COMPENSATOR}
 OUTPUT = {FDI: "fdi/residual/evaporator_pressure", COMPENSATOR: "compensator/q:compressor"}
 
 
