@@ -4,7 +4,7 @@ import importlib
 import math
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -252,7 +252,8 @@ def envelope_design_of(
     k0 = design_controller(point, sample_time_s, ENVELOPE_CONTROLLER)
     if node == CONTROLLER:
         return k0
-    return EnvelopeCompensatorDesign(**vars(k0), derived=float(superheat == "derived"))
+    of_k0 = {field.name: getattr(k0, field.name) for field in fields(k0)}
+    return EnvelopeCompensatorDesign(**of_k0, derived=float(superheat == "derived"))
 
 
 #: For each value of a scenario's `design`, what gives the design of a node.

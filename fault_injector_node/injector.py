@@ -10,6 +10,7 @@ that is *measured*: `SH = T_out - T_sat(p_e)`, so what is wrong with the pressur
 
 import math
 from collections.abc import Iterator, Sequence
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ _TICKS_AT_ONCE = 200
 _COMPONENTS = tuple(
     (number, fault.lowest_si, fault.largest_si) for number, fault in enumerate(FAULTS) if fault.place is Place.PLANT
 )
+_sizes_of_components = itemgetter(*(number for number, _, _ in _COMPONENTS))
 #: Of each of `STICKING`: its number in `FAULTS`, and its place among the readings, of which the inlet air comes last.
 _INLET = len(Measurement._fields)
 _STICKING = tuple((FAULTS.index(fault), fault.index if fault.place is Place.SENSOR else _INLET) for fault in STICKING)
@@ -166,6 +168,9 @@ def components(faults: Sequence[float]) -> tuple[float, ...]:
     faults : sequence of float
         Size of each fault of `ac_common.faults.FAULTS` [SI].
     """
+    sizes: tuple[float, ...] = _sizes_of_components(faults)
+    if not any(sizes):
+        return sizes
     return tuple([min(max(faults[number], low), high) for number, low, high in _COMPONENTS])
 
 

@@ -18,6 +18,7 @@ those from speed and opening. U~, V~ and q are then what they are in the paper, 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 from typing import Protocol, Self
 
 import numpy as np
@@ -101,14 +102,19 @@ class ControllerDesign:
 
     def coordinates(self, command: Command) -> Vector:
         """Return the coordinates [rad/s, 0..1] of a command within the limits [rad/s, 0..1], shape (2,)."""
-        above, c = command - self.command_rest, self.curvature
-        return above if not c.any() else _each(_logarithm, above, c)
+        above: Vector = command - self.command_rest
+        return _each(_logarithm, above, self.curvature) if self.is_curved else above
 
     def command_at(self, coordinates: Vector) -> Command:
         """Return the command [rad/s, 0..1] at these coordinates [rad/s, 0..1], shape (2,)."""
-        c = self.curvature
-        above: Vector = coordinates if not c.any() else _each(_exponential, coordinates, c)
-        return above + self.command_rest
+        above = _each(_exponential, coordinates, self.curvature) if self.is_curved else coordinates
+        command: Command = above + self.command_rest
+        return command
+
+    @cached_property
+    def is_curved(self) -> bool:
+        """Whether the coordinates are other than the commands themselves; looked up several times a tick."""
+        return bool(self.curvature.any())
 
     def try_out(self) -> None:
         """Work for one tick: matrices that do not fit show here, not when the loop runs."""

@@ -54,7 +54,7 @@ class LimitedController:
             for lead, lag_s in zip(design.lead.tolist(), design.lag_s.tolist(), strict=True)
         ]
         (self._cost_speed, self._cost_both), (_, self._cost_valve) = design.priority.tolist()
-        self._is_curved = design.curvature.any()
+        self._is_curved = design.is_curved
         self._caps = (math.inf, math.inf)
         self.at_limit = (False, False)
 
