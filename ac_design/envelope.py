@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 
@@ -18,7 +17,6 @@ from fdi_node.envelope.unknowns import PARAMETERS, UNKNOWNS
 
 SENSORS = ("p_e", "superheat", "T_w", "p_c")
 """Readings that the observer can use; the first two it must."""
-AirFlowSensor = Literal["none", "blower"]
 PARAMETERS_SETTLE_S = 120.0
 """For how long after the start nothing is concluded while the plant's parameters are estimated, too."""
 
@@ -50,7 +48,6 @@ class EnvelopeWeights:
 def design_envelope_fdi(
     sample_time_s: float,
     sensors: Sequence[str] = SENSORS,
-    air_flow_sensor: AirFlowSensor = "none",
     estimate_parameters: bool = False,
     weights: EnvelopeWeights | None = None,
 ) -> EnvelopeDesign:
@@ -62,9 +59,7 @@ def design_envelope_fdi(
         0.01 to 0.1 s.
     sensors : sequence of str
         Out of `SENSORS`, with "p_e" and "superheat" among them. Without "p_c" the condenser's air flow is taken as
-        known, the parameters' own.
-    air_flow_sensor : "none" or "blower"
-        "blower": the air flow through the evaporator is told at every tick.
+        known, the parameters' own, but for jumps of it.
     estimate_parameters : bool
         Whether the plant's uncertain parameters are estimated, too.
     weights : EnvelopeWeights, optional
@@ -72,21 +67,17 @@ def design_envelope_fdi(
     Raises
     ------
     UserError
-        For a sample time out of range, or sensors or an air-flow sensor that there are not.
+        For a sample time out of range, or sensors that there are not.
     """
     if not (math.isfinite(sample_time_s) and SHORTEST_SAMPLE_TIME_S <= sample_time_s <= LONGEST_SAMPLE_TIME_S):
         allowed = f"{SHORTEST_SAMPLE_TIME_S:g} to {LONGEST_SAMPLE_TIME_S:g} s"
         raise UserError(f"sample time {sample_time_s:g} s: designs exist for {allowed}")
     if not set(sensors) <= set(SENSORS) or not {"p_e", "superheat"} <= set(sensors):
         raise UserError(f"sensors {', '.join(sensors)}: allowed are p_e, superheat and any of {', '.join(SENSORS[2:])}")
-    if air_flow_sensor not in ("none", "blower"):
-        raise UserError(f"air_flow_sensor {air_flow_sensor!r}: allowed are none and blower")
     weights = weights or EnvelopeWeights()
     limits = replace(weights.limits, settle_s=PARAMETERS_SETTLE_S) if estimate_parameters else weights.limits
     parameters, rests = load_parameters(), [operating_point(name) for name in POINTS]
-    known = {"evaporator_air_flow"} if air_flow_sensor == "blower" else set()
-    if "p_c" not in sensors:
-        known |= {"condenser_air_flow"}
+    known = set() if "p_c" in sensors else {"condenser_air_flow"}
     unknowns = UNKNOWNS + (PARAMETERS if estimate_parameters else ())
     return EnvelopeDesign(
         parameters=parameters.array.copy(),

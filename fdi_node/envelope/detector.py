@@ -19,12 +19,11 @@ from ac_common.arrays import Arrays, same_shape
 from ac_common.signals import Innovation
 from ac_plant_node.dynamics import integrator
 from ac_plant_node.dynamics.balances import N_STATES
-from ac_plant_node.dynamics.drive import AIR, AIR_C, OPENING, SPEED
+from ac_plant_node.dynamics.drive import AIR_C, OPENING, SPEED
 from ac_plant_node.inputs import INPUT, N_HELD, N_INPUTS
 from ac_plant_node.properties.tables import REFRIGERANTS, load_tables
 from fdi_node.detector import Detection
 from fdi_node.envelope import filter as kalman
-from fdi_node.envelope import jumps
 from fdi_node.envelope.decision import EnvelopeDecision, Limits
 from fdi_node.envelope.memory import NIS, Memory, Rules, memory_of, new_memory
 from fdi_node.envelope.model import ENERGY, N_READINGS, READING_SCALE, STATE_SCALE
@@ -142,21 +141,29 @@ class EnvelopeDetector:
         self._shown = (-READING_SCALE * design.used)[: len(Innovation._fields)]
 
     def _begin(self, reading: Vector, deviation: float) -> None:
-        """Begin at the state at rest whose outputs are nearest to the readings."""
+        """Begin at the state at rest whose outputs are nearest to the readings.
+
+        What is isolated stays so, with its size for a first guess: a fault that is there cannot be told from the plant
+        that begins with it. What only seemed likely is looked for anew.
+        """
         design, m = self.design, self.memory
+        kept = {one.unknown: float(m.x[one.unknown]) for one in self._decision.isolated if one.unknown >= 0}
         away = ((design.start_outputs - reading) / (20.0 * READING_SCALE))[:, design.used > 0.5]
         start = int(np.argmin((away**2).sum(axis=1)))
         self._flat[:] = 0.0
         m.work[:] = integrator.new_work(design.start_states[start], _TOLERANCE)
         first = np.concatenate([np.full(N_STATES, deviation), design.first / self.rules.rows[:, 2]])
         first[ENERGY] = 0.0
+        for unknown, size in kept.items():
+            m.x[unknown] = size
+            first[N_STATES + unknown] = abs(design.unknowns[unknown].jump) / self.rules.rows[unknown, 2]
         np.fill_diagonal(m.P, first**2)
         m.out[:] = design.start_outputs[start]
         m.scalars[NIS] = 1.0
         self._told[:] = 0.0
         self._told[:N_INPUTS] = design.start_inputs[start]
         m.held[:] = self._told
-        jumps.begin_all(m, self.rules)
+        self._decision.restart()
         self._begun = True
 
     def observe(
@@ -165,7 +172,6 @@ class EnvelopeDetector:
         measured: Signal,
         air_inlet_temperature_c: float,
         condenser_air_inlet_temperature_c: float,
-        air_mass_flow_kg_s: float | None = None,
     ) -> Detection:
         """Return innovation, residuals and decision of this tick.
 
@@ -177,13 +183,11 @@ class EnvelopeDetector:
             Evaporator pressure [Pa], superheat [K], wall temperature [degC], condenser pressure [Pa]. Those that the
             design does not use may be anything finite.
         air_inlet_temperature_c, condenser_air_inlet_temperature_c : float
-        air_mass_flow_kg_s : float, optional
-            Through the evaporator, of a blower that says it.
         """
         self._reading[: len(measured)] = measured
         if not self._begun:
             self._begin(self._reading, _NEAR)
-        self._tell(air_inlet_temperature_c, condenser_air_inlet_temperature_c, air_mass_flow_kg_s)
+        self._tell(air_inlet_temperature_c, condenser_air_inlet_temperature_c)
         kalman.observe(self._flat, self.rules, self._reading, self._told, self._tab)
         done = self._decision.step(time_s)
         residual = (float(self.memory.x[0]), float(self.memory.x[1]))
@@ -199,10 +203,8 @@ class EnvelopeDetector:
         if kalman.predict(self._flat, self.rules, self._told, self._tab) != 0:
             self._begin(self._reading, _FAR)  # no state near this one goes on inside the tables
 
-    def _tell(self, air_c: float, condenser_air_c: float, air_mass_flow_kg_s: float | None) -> None:
+    def _tell(self, air_c: float, condenser_air_c: float) -> None:
         self._told[AIR_C], self._told[_CONDENSER_AIR_C] = air_c, condenser_air_c
-        if air_mass_flow_kg_s is not None:
-            self._told[AIR] = air_mass_flow_kg_s
 
     def warm_restart(
         self,
@@ -221,14 +223,16 @@ class EnvelopeDetector:
         if missed_ticks is None or not self._begun:
             self._begin(self._reading, _FAR)
             self._told[SPEED], self._told[OPENING] = command
-            self._tell(air_inlet_temperature_c, condenser_air_inlet_temperature_c, None)
+            self._tell(air_inlet_temperature_c, condenser_air_inlet_temperature_c)
             return
         start, end = self._told.copy(), self._told.copy()
         end[SPEED], end[OPENING] = command
         end[AIR_C], end[_CONDENSER_AIR_C] = air_inlet_temperature_c, condenser_air_inlet_temperature_c
         for tick in range(1, missed_ticks + 1):
             self._told[:] = start + (end - start) * (tick / (missed_ticks + 1))
-            kalman.predict(self._flat, self.rules, self._told, self._tab)
+            if kalman.predict(self._flat, self.rules, self._told, self._tab) != 0:
+                self.warm_restart(measured, air_inlet_temperature_c, condenser_air_inlet_temperature_c, command)
+                return
         self._decision.restart()
 
     def state(self) -> dict[str, Any]:

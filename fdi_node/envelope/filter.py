@@ -7,8 +7,8 @@ State z = [x, u]: the plant's twelve and the unknowns u, random walks. Each tick
     z^ <- plant over one tick           the compiled model itself;  P <- F P F' + Q
 
 F and C are central differences, as far apart as the filter's own standard deviations say: a kink of the plant (a zone
-that ends, a flow that reverses) then counts as far as the estimate is uncertain. They are renewed once a second, and
-when the plant has moved on.
+that ends, a flow that reverses) then counts as far as the estimate is uncertain. They are renewed now and then
+(`fdi_node.envelope.detector.JACOBIAN_S`), and when the plant has moved on.
 
 What makes it sturdy: the process noise has a part that grows with the state's own rate, for a model is right within a
 share of what it says; where the superheated zone is about to end, SH and T_w and what they depend on are trusted less;

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -15,14 +16,14 @@ NOISE = np.array([200.0, 0.1, 0.05, 2000.0])
 
 
 @cache
-def design(**options: object) -> EnvelopeDesign:
-    return design_envelope_fdi(H, **options)  # type: ignore[arg-type]
+def design(**options: Any) -> EnvelopeDesign:
+    return design_envelope_fdi(H, **options)
 
 
 class Loop:
     """Plant at an operating point, inputs held unless told otherwise."""
 
-    def __init__(self, point: str = "med", seed: int = 0, **options: object) -> None:
+    def __init__(self, point: str = "med", seed: int = 0, **options: Any) -> None:
         self.detector = EnvelopeDetector(design(**options))
         self.plant = Plant.at(point)
         self.inputs = self.plant.inputs.copy()
@@ -42,6 +43,6 @@ class Loop:
         self.tick += 1
         return said
 
-    def run(self, seconds: float, **faults: object) -> Iterator[Detection]:
+    def run(self, seconds: float, **faults: Any) -> Iterator[Detection]:
         for _ in range(round(seconds / H)):
-            yield self.step(**faults)  # type: ignore[arg-type]
+            yield self.step(**faults)

@@ -100,6 +100,26 @@ def test_what_is_no_state_is_refused_and_changes_nothing(spoil: dict[str, Any]) 
     assert loop.detector.state() == before
 
 
+def test_one_that_begins_anew_keeps_what_is_isolated_and_nothing_that_only_seemed_likely() -> None:
+    loop, fault = Loop("med"), (5.0 * KPA, 0.0, 0.0, 0.0)
+    list(loop.run(30.0))
+    list(loop.run(5.0, reading_fault=fault))
+    o = loop.plant.outputs
+    now = np.array([o.evaporator_pressure_pa, o.superheat_k, o.wall_temperature_c, o.condenser_pressure_pa]) + fault
+    loop.detector.warm_restart(now, float(loop.inputs[3]), float(loop.inputs[5]), loop.command)
+    said = list(loop.run(60.0, reading_fault=fault))
+    assert {one.isolated for one in said} == {"evaporator_pressure"}
+    assert max(abs(one.residual[1] - 5.0 * KPA) for one in said[50:]) < 0.5 * KPA
+
+    healthy = Loop("med")
+    list(healthy.run(30.0))
+    healthy.detector._decision.since.certain = 20.0
+    o = healthy.plant.outputs
+    now = np.array([o.evaporator_pressure_pa, o.superheat_k, o.wall_temperature_c, o.condenser_pressure_pa])
+    healthy.detector.warm_restart(now, float(healthy.inputs[3]), float(healthy.inputs[5]), healthy.command)
+    assert not any(one.detected for one in healthy.run(30.0))
+
+
 @pytest.mark.parametrize("missed", [None, 5, 50])
 def test_ticks_that_were_missed_are_no_fault(missed: int | None) -> None:
     loop = Loop("med")
@@ -158,7 +178,6 @@ def test_a_design_travels_in_a_file(tmp_path: Path) -> None:
     [
         {"sensors": ("p_e",)},
         {"sensors": ("p_e", "superheat", "T_x")},
-        {"air_flow_sensor": "fan"},
         {"sample_time_s": 1.0},
     ],
 )
