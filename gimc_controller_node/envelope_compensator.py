@@ -95,9 +95,10 @@ class EnvelopeCompensator:
         self._state, self._inputs = self._in[:n], self._in[n:]
         self._output = np.ascontiguousarray(np.hstack([k0.c, k0.d, [[1.0], [0.0]]]))
         self._update = np.ascontiguousarray(np.hstack([k0.phi, k0.gamma[:, :2], -k0.gamma[:, 2:3]]))
-        self._speeds = (float(k0.command_min[0]), float(k0.command_max[0]))
+        self._lowest: list[float] = k0.command_min.tolist()
+        self._highest: list[float] = k0.command_max.tolist()
         self._used = [0.0, 0.0]  # of f_N and f_p, after the fades
-        self._speed = float(k0.command_rest[0])  # as it was last commanded
+        self._command: list[float] = k0.command_rest.tolist()  # as it was last sent
         self._pressure = TYPICAL[0]  # as it last read
         step = k0.sample_time_s
         fade_in, self._fades_out, self._averages = (
@@ -118,7 +119,7 @@ class EnvelopeCompensator:
     def state(self) -> dict[str, Any]:
         """Return what a compensator that takes this one's place has to know, fit for JSON; between two ticks."""
         watch = [self._average, self._allowed, float(self._withdrawn)]
-        seen = [self._speed, self._pressure]
+        seen = [*self._command, self._pressure]
         return {"_state": self._state.tolist(), "_used": list(self._used), "_watch": watch, "_seen": seen}
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -133,18 +134,18 @@ class EnvelopeCompensator:
             own = same_shape(state["_state"], self._state)
             f_n, f_p = (float(value) for value in state["_used"])
             average, allowed, withdrawn = (float(value) for value in state["_watch"])
-            speed, pressure = (float(value) for value in state["_seen"])
+            speed, opening, pressure = (float(value) for value in state["_seen"])
         except (KeyError, TypeError, ValueError) as problem:
             msg = f"not the state of such a compensator: {type(problem).__name__} {problem}"
             raise ValueError(msg) from None
         self._state[:] = own
         self._used[:] = f_n, f_p
         self._average, self._allowed, self._withdrawn = average, allowed, bool(withdrawn)
-        self._speed, self._pressure = speed, pressure
+        self._command, self._pressure = [speed, opening], pressure
 
     def commanded(self, command: Signal) -> None:
         """Take note of the command [rad/s, 0..1] that was sent in this tick."""
-        self._speed = float(command[0])
+        self._command = [float(command[0]), float(command[1])]
 
     def warm_restart(
         self,
@@ -195,13 +196,15 @@ class EnvelopeCompensator:
             self._pressure = float(measured[0])
         in_superheat = _superheat_fault(self._pressure, f_p) if self.design.derived > 0.5 else 0.0
         inputs = self._inputs
-        inputs[0], inputs[1], inputs[2] = f_p, in_superheat, self._shift(self._speed, f_n)
+        inputs[0], inputs[1], inputs[2] = f_p, in_superheat, self._shift(self._command[0], f_n)
         q: Vector = self._output @ self._in
         self._state[:] = self._update @ self._in
-        low, high = self._speeds
-        at_limit = not low < self._speed < high
-        self._is_limited = acts and active[0] and at_limit
-        if reference is not None and measured is not None and not at_limit:  # there errors grow with any control
+        speed_stops, valve_stops = (
+            not low < now < high for low, now, high in zip(self._lowest, self._command, self._highest, strict=True)
+        )
+        self._is_limited = acts and active[0] and speed_stops
+        at_limit = speed_stops or valve_stops  # there errors grow with any control
+        if reference is not None and measured is not None and not at_limit:
             errors = (reference[0] - measured[0] + f_p, reference[1] - measured[1] + in_superheat)
             self._watch(any(active), abs(errors[0]) / ERROR_UNIT[0] + abs(errors[1]) / ERROR_UNIT[1])
         return q

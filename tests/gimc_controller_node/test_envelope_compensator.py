@@ -99,6 +99,19 @@ def test_growing_errors_withdraw_it_until_nothing_is_isolated(design):
     assert compensator.does == ""
 
 
+@pytest.mark.parametrize("joint", [0, 1])
+@pytest.mark.parametrize("stop", ["command_min", "command_max"])
+def test_errors_at_a_stop_are_not_its_doing(design, joint, stop):
+    compensator = EnvelopeCompensator(design)
+    command = design.command_rest.copy()
+    command[joint] = getattr(design, stop)[joint]
+    far = REFERENCE - np.array([40.0 * KPA, 10.0])
+    for _ in range(600):
+        compensator.commanded(command)
+        compensator.step((0.0, 5.0 * KPA), SENSOR, None, REFERENCE, far)
+    assert compensator.does == ""
+
+
 def test_a_limit_that_leaves_a_part_of_the_fault_is_announced(design):
     compensator = EnvelopeCompensator(design)
     compensator.commanded(design.command_min)
