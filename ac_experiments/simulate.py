@@ -179,6 +179,7 @@ class _Loop:
         acted = self._inputs if self._car is None else self._car.acted
         self._air_inlet_c, self._condenser_inlet_c = float(acted[3]), float(acted[5])
         self._components = (0.0,) * len(COMPONENT_KINDS)
+        self._faults: Sequence[float] = [0.0] * len(KINDS)
         self._does = {COMPENSATOR: "", CONTROLLER: ""}
 
     def stick(self, air: Sequence[float], faults: Sequence[float], stuck: Sequence[float]) -> Sequence[float]:
@@ -209,16 +210,17 @@ class _Loop:
         commanded = command.tolist()
         actuator = self._injector.actuate(commanded, faults)
         self._inputs[0], self._inputs[1] = actuator
-        sizes = self._components_of(faults)
-        if sizes != self._components:
-            self._components = sizes
-            self._plant.hold_faults(sizes[:_INLET])
+        if faults != self._faults:
+            self._faults, sizes = faults, self._components_of(faults)
+            if sizes != self._components:
+                self._components = sizes
+                self._plant.hold_faults(sizes[:_INLET])
         self.status.append(found.status(time_s))
         seen = (*measured, *found.innovation, *found.residual)
         told = (air_inlet_c, self._condenser_inlet_c, *self._plant.performance)
         off = [faults[number] for number in _STICKING]
         cabin = () if self._car is None else self._car.cabin
-        return (*outputs, *told, *seen, *q.tolist(), *commanded, *actuator, *sizes, *off, *cabin)
+        return (*outputs, *told, *seen, *q.tolist(), *commanded, *actuator, *self._components, *off, *cabin)
 
     def advance(self, air: Sequence[float], car: Sequence[float]) -> None:
         """Let the plant run on to the next tick with the actuators as they are; raises ValueError when it cannot."""

@@ -10,7 +10,6 @@ that is *measured*: `SH = T_out - T_sat(p_e)`, so what is wrong with the pressur
 
 import math
 from collections.abc import Iterator, Sequence
-from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +23,6 @@ _TICKS_AT_ONCE = 200
 _COMPONENTS = tuple(
     (number, fault.lowest_si, fault.largest_si) for number, fault in enumerate(FAULTS) if fault.place is Place.PLANT
 )
-_sizes_of_components = itemgetter(*(number for number, _, _ in _COMPONENTS))
 #: Of each of `STICKING`: its number in `FAULTS`, and its place among the readings, of which the inlet air comes last.
 _INLET = len(Measurement._fields)
 _STICKING = tuple((FAULTS.index(fault), fault.index if fault.place is Place.SENSOR else _INLET) for fault in STICKING)
@@ -140,8 +138,9 @@ class FaultInjector:
                     measured[reading] = held - self._saturation_c(actual, reading)
         self._last[:_INLET] = measured
         if self._derived:
-            self._last[1] += self._saturation_c(actual, 1)
-            measured[1] += self._saturation_temperature(actual[0]) - self._saturation_temperature(measured[0])
+            own_c = self._saturation_c(actual, 1)
+            self._last[1] += own_c
+            measured[1] += own_c - self._saturation_temperature(measured[0])
         return Measurement(*measured)
 
     def actuate(self, command: Sequence[float], faults: Sequence[float]) -> Command:
@@ -168,9 +167,6 @@ def components(faults: Sequence[float]) -> tuple[float, ...]:
     faults : sequence of float
         Size of each fault of `ac_common.faults.FAULTS` [SI].
     """
-    sizes: tuple[float, ...] = _sizes_of_components(faults)
-    if not any(sizes):
-        return sizes
     return tuple([min(max(faults[number], low), high) for number, low, high in _COMPONENTS])
 
 
