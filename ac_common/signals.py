@@ -43,6 +43,8 @@ class Performance(NamedTuple):
     """the part of it that water brings which condenses, W"""
     condensed_water: float
     """kg/s"""
+    frost: float
+    """the part of that water which falls on walls below 0 degC, kg/s"""
     compressor_power: float
     """W"""
     vent_temperature: float

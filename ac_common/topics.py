@@ -44,6 +44,7 @@ _JOINTS: dict[str, tuple[str, str, tuple[float, float]]] = {
     "cooling": ("effort", "W", (-5.0e4, 5.0e4)),
     "latent_cooling": ("effort", "W", (-5.0e4, 5.0e4)),
     "condensed_water": ("velocity", "kg/s", (0.0, 5.0)),
+    "frost": ("velocity", "kg/s", (0.0, 5.0)),
     "compressor_power": ("effort", "W", (-5.0e4, 5.0e4)),
     "vehicle_speed": ("velocity", "m/s", (0.0, 100.0)),
     "sun": ("effort", "W/m2", (0.0, 2000.0)),
@@ -206,9 +207,9 @@ TOPICS: tuple[Topic, ...] = (
     Topic(
         "plant/performance",
         JOINTS,
-        "heat from the air, the part of it from condensing water, that water, compressor power: for evaluation only",
+        "heat from the air, that of condensing water, that water, what freezes, compressor power: for evaluation only",
         PLANT,
-        joints=Performance._fields[:4],
+        joints=Performance._fields[:5],
     ),
     Topic(
         "plant/vent_temperature",

@@ -31,7 +31,9 @@ from ac_plant_node.properties.tables import load_tables
 from ac_plant_node.valve_actuator import LONGEST_STEP_S, valve_motion
 
 _FINITE = f"plant inputs must be {N_PAPER} to {N_INPUTS} finite numbers: {'; '.join(row.meaning for row in INPUTS)}"
-_PERFORMANCE = np.array([balances.Q_AIR_E, balances.LATENT, balances.WATER, balances.POWER, balances.SUBCOOLING])
+_PERFORMANCE = np.array(
+    [balances.Q_AIR_E, balances.LATENT, balances.WATER, balances.FROST, balances.POWER, balances.SUBCOOLING]
+)
 _LEFT = "the plant left its model's domain: pressure outside the property tables"
 
 
@@ -264,8 +266,8 @@ class Plant:
         """Return the part of `outputs` that a run records at every tick, SI; faster than all of them."""
         a, k = self._aux, self._work
         air_c, _ = outlet_air(k.drive, self._par, a[balances.Q_AIR_E], a[balances.WATER], a[balances.DRAINED])
-        cooling, latent, water, power, subcooling = a[_PERFORMANCE].tolist()
-        return Performance(cooling, latent, water, power, air_c, subcooling)
+        cooling, latent, water, frost, power, subcooling = a[_PERFORMANCE].tolist()
+        return Performance(cooling, latent, water, frost, power, air_c, subcooling)
 
     @property
     def inputs(self) -> NDArray[np.float64]:

@@ -17,6 +17,7 @@ _ROWS = (
     ("sensible_cooling", "Sensible cooling", "kW", 1e3, ".3f"),
     ("latent_cooling", "Latent cooling: heat of the water that condenses", "kW", 1e3, ".3f"),
     ("condensed_water", "Water that condenses", "kg/h", 1.0 / 3600.0, ".3f"),
+    ("frost", "Water that freezes on the evaporator", "kg/h", 1.0 / 3600.0, ".3f"),
     ("vent_temperature", "Air behind the evaporator, at the vents", "°C", 1.0, ".2f"),
     ("compressor_power", "Compressor power", "kW", 1e3, ".3f"),
     ("cop", "COP: cooling over compressor power", "", 1.0, ".2f"),
@@ -52,7 +53,13 @@ def performance_table(recording: Recording) -> list[Part]:
         "note",
     )
     heads: list[str | Markup] = ["Means", "Unit", "Whole run", f"Last {WINDOW_S:g} s"]
-    return [Table(heads, rows), energy, *_car(recording)]
+    return [Table(heads, rows), energy, *_frost(values["frost"], recording), *_car(recording)]
+
+
+def _frost(frost: NDArray[np.float64], recording: Recording) -> list[Part]:
+    """Return a word of warning when water froze, with the time for which it did."""
+    seconds = np.count_nonzero(frost > 0.0) * recording.metadata["sample_time_s"]
+    return [Words(f"Frost: for {seconds:g} s water froze on the evaporator.", "note")] if seconds else []
 
 
 def _car(recording: Recording) -> list[Part]:

@@ -259,6 +259,7 @@ def readouts(newest: Mapping[str, float], view: View) -> str:
         ("sensible", f"{cooling - latent:.2f} kW"),
         ("latent", f"{latent:.2f} kW"),
         ("water", f"{3600.0 * told['condensed_water']:.2f} kg/h"),
+        ("frost", f"{3600.0 * told['frost']:.2f} kg/h"),
         ("power", f"{power:.2f} kW"),
         ("COP", f"{cooling / power if power > 0.0 else math.nan:.2f}"),
         ("subcooling", f"{told['subcooling']:.1f} K"),

@@ -12,6 +12,7 @@ from ac_common.topics import AIR_SIDE, BY_NAME, PERFORMANCE_SERIES, SERIES, trut
 from ac_experiments.designs import designs_at
 from ac_experiments.metrics import summarise
 from ac_experiments.recording import Recording
+from ac_experiments.report.page import render
 from ac_experiments.report.performance import figures, performance_of
 from ac_experiments.scenario import check, load
 from ac_experiments.simulate import simulate
@@ -115,6 +116,7 @@ def test_the_performance_is_that_of_a_plant_with_the_same_inputs():
         assert told.cooling[k] == out.cooling_power_w
         assert told.latent_cooling[k] == out.latent_cooling_w
         assert told.condensed_water[k] == out.condensed_water_kg_s
+        assert told.frost[k] == out.frost_kg_s
         assert told.compressor_power[k] == out.compressor_power_w
         assert told.vent_temperature[k] == out.air_outlet_temperature_c
         assert told.subcooling[k] == out.subcooling_k
@@ -127,6 +129,22 @@ def test_the_performance_is_that_of_a_plant_with_the_same_inputs():
     rest = operating_point("med")
     assert mean["cop"] == pytest.approx(rest.cop, rel=1e-6)
     assert mean["sensible_cooling"] == pytest.approx(rest.cooling_power_w, rel=1e-6)
+
+
+def test_frost_is_told_in_the_run_and_in_its_report():
+    content = {
+        "name": "cold",
+        "duration_s": 300.0,
+        "passive": True,
+        "references": {"evaporator_pressure_kpa": [{"at_s": 5.0, "to": -70.0, "ramp_s": 60.0}]},
+        "air": {"humidity_percent": [{"at_s": 5.0, "to": 80.0}], "inlet_temperature_k": [{"at_s": 5.0, "to": -12.0}]},
+    }
+    run = simulate(check(content))
+    frost = dict(zip(Performance._fields, PERFORMANCE_SERIES, strict=True))["frost"]
+    seconds = np.count_nonzero(run.series[frost] > 0.0) * 0.1
+    assert seconds > 10.0
+    assert f"Frost: for {seconds:g} s" in render(run)
+    assert "Frost: for" not in render(simulate(load("nominal", ["duration_s=20"])))
 
 
 @pytest.mark.parametrize(
