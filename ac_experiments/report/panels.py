@@ -233,7 +233,7 @@ _AIR = (
 
 def _performance(recording: Recording, look: _Look) -> list[Panel]:
     """Return the panels of what the plant makes of a run; none for a plant that does not tell it."""
-    cooling, latent, water, power, vent, subcooling = PERFORMANCE_SERIES
+    cooling, latent, water, frost, power, vent, subcooling = PERFORMANCE_SERIES
     if not _acts(recording, cooling):
         return []
     heat = [Line(cooling, "cooling", look.own, width=2.2), Line(power, "compressor power", ORANGE)]
@@ -246,9 +246,10 @@ def _performance(recording: Recording, look: _Look) -> list[Panel]:
         Panel("subcooling", "Subcooling", "K", 1.0, (Line(subcooling, "subcooling", look.own, width=2.2),)),
     ]
     if moist:
-        panels.append(
-            Panel("water", "Water that condenses", "kg/h", 1 / 3600, (Line(water, "water", look.own, width=2.2),))
-        )
+        lines = [Line(water, "water", look.own, width=2.2)]
+        if _acts(recording, frost):
+            lines.append(Line(frost, "of it frost", ORANGE))
+        panels.append(Panel("water", "Water that condenses", "kg/h", 1 / 3600, tuple(lines)))
     return panels
 
 
