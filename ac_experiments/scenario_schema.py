@@ -350,6 +350,9 @@ class Scenario(Part):
                 raise ValueError(msg)
         if self.car is None or not self.car.has_belt:
             return self
+        if self.design == "envelope":
+            msg = "design: envelope moves the compressor; car.compressor_drive: belt needs design: paper"
+            raise ValueError(msg)
         if self.controller == "paper":
             msg = "controller: paper moves the compressor, which with car.compressor_drive: belt only the engine does"
             raise ValueError(msg)

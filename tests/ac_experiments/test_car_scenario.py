@@ -117,6 +117,10 @@ def test_the_cabin_is_soaked_or_as_it_is_given() -> None:
             "car.compressor_drive: belt needs passive: true, since the compensators move the compressor, too",
         ),
         (
+            {**made(compressor_drive="belt"), "design": "envelope"},
+            "design: envelope moves the compressor; car.compressor_drive: belt needs design: paper",
+        ),
+        (
             {**made(compressor_drive="belt"), "controller": "paper"},
             "controller: paper moves the compressor, which with car.compressor_drive: belt only the engine does",
         ),
