@@ -1,5 +1,6 @@
 """What a scenario file may say of the car around the air conditioner."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -8,7 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, PlainValidator, model_validator
 
+from ac_common.units import RPM
 from ac_experiments.schema_part import Part, quoted
+from ac_plant_node.drive_cycle import Driveline, fastest_belt_speed, load_drive_cycle
+from ac_plant_node.inputs import INPUT, INPUT_HIGH
 
 
 @dataclass(frozen=True)
@@ -63,8 +67,12 @@ class CurveWithin:
 
 def over_time(curve: float | list[list[float]], time_s: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a curve at these times; before its first point and after its last it stays."""
-    points = np.array(curve if isinstance(curve, list) else [[0.0, curve]], dtype=np.float64)
+    points = _points(curve)
     return np.interp(time_s, points[:, 0], points[:, 1])
+
+
+def _points(curve: float | list[list[float]]) -> NDArray[np.float64]:
+    return np.array(curve if isinstance(curve, list) else [[0.0, curve]], dtype=np.float64)
 
 
 Curve = float | list[list[float]]
@@ -93,6 +101,27 @@ class Car(Part):
             raise ValueError(msg)
         return self
 
+    @model_validator(mode="after")
+    def _belt_within_the_plant(self) -> "Car":
+        if not self.has_belt:
+            return self
+        # Straight lines join the points, so every speed between the lowest and the highest of them is passed.
+        speeds_m_s = _points(self.vehicle_speed_km_h)[:, 1] / 3.6
+        fastest = fastest_belt_speed(speeds_m_s.min(), speeds_m_s.max(), self.driveline)
+        allowed = INPUT_HIGH[INPUT["compressor_speed"]]
+        if fastest > allowed:
+            msg = (
+                f"the belt turns the compressor at {math.ceil(fastest / RPM)} rpm; allowed: {allowed / RPM:.0f}; "
+                "lower pulley_ratio or the vehicle's speed"
+            )
+            raise ValueError(msg)
+        return self
+
+    @property
+    def driveline(self) -> Driveline:
+        """Engine, gears and pulley."""
+        return Driveline(idle_rpm=self.idle_rpm, pulley_ratio=self.pulley_ratio)
+
     @property
     def has_belt(self) -> bool:
         """Whether the engine turns the compressor."""
@@ -106,7 +135,5 @@ class Car(Part):
         ValueError
             One line: what is wrong with the file, or where there is one.
         """
-        from ac_plant_node.drive_cycle import load_drive_cycle
-
         cycle = load_drive_cycle(Path(self.drive_cycle or "").expanduser())
         return np.column_stack([cycle.time_s, 3.6 * cycle.speed_m_s]).tolist()  # type: ignore[no-any-return]

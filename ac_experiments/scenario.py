@@ -112,17 +112,16 @@ def _outside(car: Car, time_s: NDArray[np.float64], inputs: NDArray[np.float64])
 
 def _car_side(car: Car, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the fields of `CarSide` over time, (K, 5)."""
-    from ac_plant_node.drive_cycle import Driveline, belt_speed
+    from ac_plant_node.drive_cycle import belt_speed
 
     vehicle_m_s = over_time(car.vehicle_speed_km_h, time_s) / 3.6
-    line = Driveline(idle_rpm=car.idle_rpm, pulley_ratio=car.pulley_ratio)
     return np.column_stack(
         [
             vehicle_m_s,
             over_time(car.sun_w_m2, time_s),
             over_time(car.people, time_s),
             over_time(car.recirculation_percent, time_s) / 100.0,
-            belt_speed(vehicle_m_s, line) if car.has_belt else np.zeros_like(time_s),
+            belt_speed(vehicle_m_s, car.driveline) if car.has_belt else np.zeros_like(time_s),
         ]
     )
 

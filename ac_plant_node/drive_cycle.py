@@ -144,6 +144,16 @@ def belt_speed(vehicle_m_s: ArrayLike, driveline: Driveline | None = None) -> ND
     return np.asarray(d.pulley_ratio * np.maximum(wheels, d.idle_rpm * RPM))
 
 
+def fastest_belt_speed(lowest_m_s: float, highest_m_s: float, driveline: Driveline | None = None) -> float:
+    """Return the highest speed (rad/s) of a compressor on the belt while the vehicle passes all speeds between two.
+
+    In each gear it rises with the vehicle's speed, so it is highest at the end or where a gear is left.
+    """
+    d = driveline or Driveline()
+    left = [speed for speed in d.shift_speeds_m_s if lowest_m_s <= speed <= highest_m_s]
+    return float(belt_speed([*left, highest_m_s], d).max())
+
+
 @dataclass(frozen=True)
 class DriveCycleRun:
     """Sampled outputs of the plant driven open loop through a cycle.

@@ -12,7 +12,7 @@ from ac_common.signals import AirSide, CarSide
 from ac_common.units import RPM
 from ac_experiments.car_schema import over_time
 from ac_experiments.scenario import cabin_of, check, load, schedule, to_yaml
-from ac_plant_node.drive_cycle import DriveCycle, belt_speed, compressor_speed
+from ac_plant_node.drive_cycle import DriveCycle, Driveline, belt_speed, compressor_speed
 
 INPUTS = np.array([1000.0 * RPM, 0.40, 0.13, 30.0, 0.55, 30.0, 0.0])
 OUTPUTS = np.array([251.2e3, 20.0, 15.0, 1.33e6])
@@ -56,6 +56,32 @@ def test_belt_speed_is_that_of_a_drive_cycle(speeds: list[float]) -> None:
     cycle = DriveCycle(np.arange(len(speeds), dtype=np.float64), np.array(speeds))
     one_by_one = [compressor_speed(cycle, float(t)) for t in cycle.time_s]
     np.testing.assert_array_equal(belt_speed(cycle.speed_m_s), one_by_one)
+
+
+@given(st.lists(st.floats(0.0, 250.0), min_size=1, max_size=5), st.floats(0.5, 3.0), st.floats(400.0, 1500.0))
+def test_the_belt_keeps_within_the_plant_wherever_a_drive_passes(
+    speeds: list[float], ratio: float, idle_rpm: float
+) -> None:
+    """Against the speeds passed one by one, those at which a gear is left among them."""
+    line = Driveline(idle_rpm=idle_rpm, pulley_ratio=ratio)
+    lowest, highest = min(speeds) / 3.6, max(speeds) / 3.6
+    passed = np.unique(np.clip([*np.linspace(lowest, highest, 500), *line.shift_speeds_m_s], lowest, highest))
+    fastest = belt_speed(passed, line).max()
+    curve = [[float(10 * k), speed] for k, speed in enumerate(speeds)]
+    content = made(compressor_drive="belt", vehicle_speed_km_h=curve, pulley_ratio=ratio, idle_rpm=idle_rpm)
+    if fastest <= 6000.0 * RPM:
+        assert check(content).has_belt
+    else:
+        with pytest.raises(UserError, match=f"car: the belt turns the compressor at {np.ceil(fastest / RPM):.0f} rpm"):
+            check(content)
+
+
+def test_a_drive_cycle_too_fast_for_the_belt_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "drive.csv"
+    file.write_text("time_s,speed_m_s\n0,0\n5,0\n60,65\n")
+    assert check(made(drive_cycle=str(file))).car is not None
+    with pytest.raises(UserError, match="car: the belt turns the compressor at 7360 rpm; allowed: 6000; lower pulley"):
+        check(made(drive_cycle=str(file), compressor_drive="belt"))
 
 
 @given(
@@ -103,6 +129,15 @@ def test_the_cabin_is_soaked_or_as_it_is_given() -> None:
         (made(compressor_drive="chain"), "car.compressor_drive: given 'chain'; allowed: 'electric' or 'belt'"),
         (made(blower=0.1), "car: unknown key 'blower', did you mean 'blower_kg_s'? allowed: outside_temperature_c"),
         (made(drive_cycle="a.csv", vehicle_speed_km_h=3), "both say how the car moves; give one of them"),
+        (
+            made(compressor_drive="belt", vehicle_speed_km_h=250),
+            "car: the belt turns the compressor at 7863 rpm; allowed: 6000; lower pulley_ratio or the vehicle's speed",
+        ),
+        (
+            # 2nd gear at the end, but 15 mph in the 1st on the way there
+            made(compressor_drive="belt", vehicle_speed_km_h=[[0, 0], [10, 30]], pulley_ratio=2.1),
+            "car: the belt turns the compressor at 6206 rpm; allowed: 6000; lower pulley_ratio or the vehicle's speed",
+        ),
         (made(drive_cycle="no.csv"), "car.drive_cycle: drive cycle no.csv: no such file; the EPA publishes SC03"),
         (
             {**made(), "air": {"humidity_percent": [{"at_s": 0, "to": 5}]}},
