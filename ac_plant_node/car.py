@@ -101,7 +101,7 @@ class Car:
     ----------
     plant : Plant
     acted : ndarray, shape (7,)
-        The plant's inputs of the step before.
+        The plant's inputs of the step before, within its limits and without what its faults make of them.
     cabin : Cabin
         What the car reports of its cabin and front end.
     outputs : ndarray, shape (4,)
@@ -136,8 +136,9 @@ class Car:
         if side.belt_speed > 0.0:
             command = np.array([side.belt_speed, command[1]])
         around = Surroundings(air.condenser_inlet_temperature, air.humidity, side.sun, side.people, side.recirculation)
-        self.acted = car_inputs(self._state, command, air.mass_flow, around, side.vehicle_speed, self._fan_share)
-        self._state, out = car_step(self.plant, self._state, self.acted, around, duration_s)
+        asked = car_inputs(self._state, command, air.mass_flow, around, side.vehicle_speed, self._fan_share)
+        self._state, out = car_step(self.plant, self._state, asked, around, duration_s)
+        self.acted = self.plant.inputs
         self.cabin = self._report()
         self.outputs = np.array(
             [out.evaporator_pressure_pa, out.superheat_k, out.wall_temperature_c, out.condenser_pressure_pa]

@@ -27,6 +27,7 @@ from ac_experiments.scenario_schema import (
     SensorChoice,
     TargetsWithin,
 )
+from ac_plant_node.inputs import INPUT, INPUTS
 
 _PROFILE_DEFAULTS = {
     name: parameter.default
@@ -139,9 +140,12 @@ def text() -> str:
     return "\n".join([*parts, ""])
 
 
-_CAR = """What is around an air conditioner in a car. Temperature and humidity of the air into the evaporator, the flow
+_INLET = INPUTS[INPUT["air_inlet_temperature"]]
+_CAR = f"""What is around an air conditioner in a car. Temperature and humidity of the air into the evaporator, the flow
 through the condenser and the cabin follow from it ([the plant](plant.md#11-in-a-car)). A curve is a number, or a list
-of points `[s, value]` that straight lines join: `vehicle_speed_km_h: [[0, 0], [10, 0], [20, 50]]`."""
+of points `[s, value]` that straight lines join: `vehicle_speed_km_h: [[0, 0], [10, 0], [20, 50]]`.
+The evaporator breathes air of at least {_INLET.low:g} and at most {_INLET.high:g} degC: what is colder or
+hotter acts as air of that temperature."""
 
 _PLACES = {Place.ACTUATOR: "an actuator", Place.SENSOR: "a sensor", Place.PLANT: "the plant"}
 

@@ -45,6 +45,27 @@ def test_what_the_evaporator_breathes_is_a_result() -> None:
     assert ratio == pytest.approx(0.5 * (WARM.humidity_ratio + moist_air.humidity_ratio(36.0, 0.4)), rel=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("outside_c", "recirculation", "cabin_c", "breathed_c"), [(2.0, 0.0, 20.0, 10.0), (45.0, 1.0, 77.0, 65.0)]
+)
+def test_what_the_evaporator_breathes_is_within_the_plant_s_limits(
+    outside_c: float, recirculation: float, cabin_c: float, breathed_c: float
+) -> None:
+    car, plant = Car("med", CabinState(cabin_c, cabin_c, 0.004)), Plant.at("med")
+    given = inputs()
+    given[5], given[10] = outside_c, recirculation
+    outputs = car.step(given, 0.1)
+    assert car.acted[3] == breathed_c
+    np.testing.assert_array_equal(plant.step(car.acted, 0.1), outputs)
+    # Of a fault its command is told.
+    sizes = np.zeros(N_FAULTS)
+    sizes[FAULT["valve_stuck"]] = 1.0
+    car.hold_faults(sizes.tolist())
+    given[1] = 0.6
+    car.step(given, 0.1)
+    assert car.acted[:2].tolist() == given[:2].tolist()
+
+
 def test_cabin_and_refrigerant_close_their_balances_together() -> None:
     """What the evaporator takes from recirculated air leaves the cabin: to the first order of the interval."""
     closed = inputs()
