@@ -353,6 +353,9 @@ class Scenario(Part):
         if self.design == "envelope":
             msg = "design: envelope moves the compressor; car.compressor_drive: belt needs design: paper"
             raise ValueError(msg)
+        if self.references.evaporator_pressure_kpa:
+            msg = "references.evaporator_pressure_kpa does nothing with car.compressor_drive: belt, where the valve "
+            raise ValueError(msg + "alone holds the superheat, and the evaporator pressure follows the engine's speed")
         if self.controller == "paper":
             msg = "controller: paper moves the compressor, which with car.compressor_drive: belt only the engine does"
             raise ValueError(msg)

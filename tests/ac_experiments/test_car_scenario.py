@@ -156,6 +156,10 @@ def test_the_cabin_is_soaked_or_as_it_is_given() -> None:
             "design: envelope moves the compressor; car.compressor_drive: belt needs design: paper",
         ),
         (
+            {**made(compressor_drive="belt"), "references": {"evaporator_pressure_kpa": [{"at_s": 1, "to": 5}]}},
+            "references.evaporator_pressure_kpa does nothing with car.compressor_drive: belt, where the valve alone",
+        ),
+        (
             {**made(compressor_drive="belt"), "controller": "paper"},
             "controller: paper moves the compressor, which with car.compressor_drive: belt only the engine does",
         ),
