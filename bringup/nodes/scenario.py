@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter as RosParameter
 
 from ac_common.ramp import LiveOffset
@@ -35,8 +36,9 @@ _SUPERHEAT = targets_within(References, "superheat_k")
 #: What the live changes of the air side are added to, in the order of `AirSide`.
 _AIR = {
     "mass_flow_percent": "air mass flow, per cent of the operating point's",
-    "inlet_temperature_k": "air inlet temperature, K",
-    "condenser_mass_flow_percent": "air mass flow through the condenser, per cent of the operating point's",
+    "inlet_temperature_k": "air inlet temperature, K (not in a car)",
+    "condenser_mass_flow_percent": "air mass flow through the condenser, per cent of the operating point's "
+    "(not in a car)",
     "condenser_inlet_temperature_k": "air inlet temperature of the condenser, K",
     "humidity_percent": "relative humidity at the evaporator's inlet, per cent",
 }
@@ -72,6 +74,8 @@ OFFSETS = (
         for key, what in _AIR.items()
     ),
 )
+#: Live changes that would do nothing in a car: what they are added to is a result there.
+NOT_IN_CAR = ("air.inlet_temperature_k", "air.condenser_mass_flow_percent")
 PARAMETERS = (
     Parameter("scenario", "nominal", "name of a built-in scenario, path of a scenario file, or a scenario as JSON"),
     MODE,
@@ -94,6 +98,8 @@ class ScenarioNode(LoopNode):
         super().__init__(SCENARIO, PARAMETERS)
         self._offsets: dict[str, LiveOffset] = {}
         self._played: list[float] = []
+        self._in_car = False
+        self.add_on_set_parameters_callback(self._may_change)
         self.add_post_set_parameters_callback(self._changed)
 
     def configure(self) -> None:
@@ -107,6 +113,8 @@ class ScenarioNode(LoopNode):
         # One array, not lists of lists: a run of hours has some hundred thousand rows.
         self._rows = np.hstack([plan.reference, plan.air, plan.faults, plan.stuck, plan.car])
         self._in_car = scenario.car is not None
+        if reason := self._without_effect([self.get_parameter(name) for name in NOT_IN_CAR]):
+            raise ValueError(reason)
         self._tick_ns = scenario.tick_ns
         self._start_ns = self.run_start_ns if self.run_start_ns >= 0 else None
         outputs, air = rest["outputs"], rest["inputs"][2:].tolist()
@@ -165,6 +173,19 @@ class ScenarioNode(LoopNode):
 
         kind = message_class(topic.type)
         self._subscribed.append(self.create_subscription(kind, where, take, PLAIN_QOS))
+
+    def _without_effect(self, parameters: Sequence[RosParameter]) -> str:
+        """Return which of these would do nothing, and why; empty when there is none. Zero asks for nothing."""
+        for parameter in parameters:
+            if self._in_car and parameter.name in NOT_IN_CAR and parameter.value:
+                given = f"{parameter.name}: given {parameter.value:g}; allowed: 0"
+                return f"{given} in a car, where inlet air of the evaporator and air flow of the condenser are results"
+        return ""
+
+    def _may_change(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
+        """Refuse live changes that would do nothing."""
+        reason = "" if self.state == "unconfigured" else self._without_effect(parameters)
+        return SetParametersResult(successful=not reason, reason=reason)
 
     def _changed(self, parameters: Sequence[RosParameter]) -> None:
         """Begin the live changes that have been asked for."""

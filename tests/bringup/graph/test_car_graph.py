@@ -1,5 +1,8 @@
 """A run with a car through real processes: the simulation's numbers, its topics complete, replayed alike."""
 
+import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -67,3 +70,42 @@ def test_electric_compressor_in_a_soaked_car(tmp_path: Path) -> None:
         np.testing.assert_array_equal(recorded.series[key], values, err_msg=key)
     assert not simulated.series["scenario/car:belt_speed"].any()
     assert simulated.series["plant/car:cabin_air"][0] > 50.0
+
+
+def test_live_changes_of_what_is_a_result_in_a_car_are_refused() -> None:
+    code = (
+        "import json, rclpy, sys; from rclpy.parameter import Parameter\n"
+        "from bringup.nodes.scenario import ScenarioNode\n"
+        "rclpy.init(); node = ScenarioNode()\n"
+        "def change(name, value):\n"
+        "    result = node.set_parameters([Parameter(name, value=value)])[0]\n"
+        "    return result.reason if not result.successful else ''\n"
+        "def configured(scenario):\n"
+        "    change('scenario', scenario)\n"
+        "    return node.trigger_configure().name\n"
+        "said = [change('air.inlet_temperature_k', 2.0), configured('pull_down'), node.health.problem]\n"
+        "said += [change('air.inlet_temperature_k', 0.0), configured('pull_down')]\n"
+        "said += [change(name, value) for name, value in json.loads(sys.argv[1])]\n"
+        "node.trigger_cleanup()\n"
+        "said += [configured('nominal'), change('air.inlet_temperature_k', 2.0)]\n"
+        "print(json.dumps(said))"
+    )
+    tried = [
+        ("air.inlet_temperature_k", -3.0),
+        ("air.condenser_mass_flow_percent", 10.0),
+        ("air.condenser_mass_flow_percent", 0.0),
+        ("air.mass_flow_percent", 10.0),
+        ("air.condenser_inlet_temperature_k", 2.0),
+    ]
+    given = [sys.executable, "-c", code, json.dumps(tried)]
+    done = subprocess.run(given, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    why = "in a car, where inlet air of the evaporator and air flow of the condenser are results"
+    assert json.loads(done.stdout.splitlines()[-1]) == [
+        "", "FAILURE", f"air.inlet_temperature_k: given 2; allowed: 0 {why}",
+        "", "SUCCESS",
+        f"air.inlet_temperature_k: given -3; allowed: 0 {why}",
+        f"air.condenser_mass_flow_percent: given 10; allowed: 0 {why}",
+        "", "", "",
+        "SUCCESS", "",
+    ]  # fmt: skip
