@@ -91,8 +91,8 @@ class Car(Part):
     drive_cycle: str | None = Field(default=None, min_length=1)
     cabin: Annotated[float | Literal["soaked"], PlainValidator(CabinStart())] = "soaked"
     compressor_drive: Literal["electric", "belt"] = "electric"
-    idle_rpm: float = Field(default=750.0, ge=400.0, le=1500.0)
-    pulley_ratio: float = Field(default=1.2, ge=0.5, le=3.0)
+    idle_rpm: float = Field(default=Driveline.idle_rpm, ge=400.0, le=1500.0)
+    pulley_ratio: float = Field(default=Driveline.pulley_ratio, ge=0.5, le=3.0)
 
     @model_validator(mode="after")
     def _one_drive(self) -> "Car":

@@ -51,6 +51,12 @@ def test_the_belt_follows_engine_and_gears() -> None:
     assert speed[at] == pytest.approx(1.5 * 50 / 3.6 / 0.30 * 1.28 * 3.9)
 
 
+def test_the_belt_s_driveline_is_the_drive_cycle_s_where_nothing_is_said() -> None:
+    car = check(made(compressor_drive="belt", vehicle_speed_km_h=[[0, 0], [20, 100]])).car
+    assert car is not None
+    assert car.driveline == Driveline()
+
+
 @given(st.lists(st.floats(0.0, 40.0), min_size=2, max_size=20))
 def test_belt_speed_is_that_of_a_drive_cycle(speeds: list[float]) -> None:
     cycle = DriveCycle(np.arange(len(speeds), dtype=np.float64), np.array(speeds))
