@@ -1,4 +1,7 @@
-"""Makes a bag whole of which a writer was killed, or the power was lost: one file with its index and all messages."""
+"""Makes a bag whole of which a writer was killed, or the power was lost: one file with its index and all messages.
+
+Of a file that is damaged it keeps what is before the damage; the file itself stays beside, as `.mcap.damaged`.
+"""
 
 import contextlib
 import struct
@@ -8,9 +11,10 @@ from os import SEEK_END
 from pathlib import Path
 from typing import Any
 
-from mcap.exceptions import EndOfFile, McapError
+import zstandard
+from mcap.exceptions import EndOfFile, McapError, UnsupportedCompressionError
 from mcap.reader import make_reader
-from mcap.records import Attachment, Channel, Message, Metadata, Schema
+from mcap.records import Attachment, Channel, Footer, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC, Writer
 
@@ -20,6 +24,9 @@ from ac_common.yaml_file import parsed
 from ac_experiments.bags.recorder import MENDED_RECORD, bag_files, new_writer, span_of, write_metadata_file
 
 _METADATA = "metadata.yaml"
+#: What reading raises where a file was cut short, and where it is damaged (RuntimeError: lz4).
+_CUT = (EndOfFile, struct.error)
+_DAMAGE = (*_CUT, McapError, zstandard.ZstdError, ValueError, KeyError, OverflowError, MemoryError, RuntimeError)
 
 
 def mend(folder: Path) -> list[Path]:
@@ -33,17 +40,17 @@ def mend(folder: Path) -> list[Path]:
         The files that were cut short.
     """
     cut = []
-    with contextlib.suppress(OSError, ValueError, KeyError, TypeError, McapError):
+    with contextlib.suppress(OSError, TypeError, *_DAMAGE):
         files = bag_files(folder)
         cut = [file for file in files if not _has_end(file)]
         if cut or len(files) > 1:
-            _join(files, bool(cut))
+            _join(files)
             _write_metadata(folder, files[0])
     return cut
 
 
-def recover(bag: Path) -> tuple[list[Path], int]:
-    """Make a bag whole that was left without its end, or in several files; also one without metadata.
+def recover(bag: Path) -> tuple[list[Path], int, dict[Path, int]]:
+    """Make a bag whole that was left without its end, damaged, or in several files; also one without metadata.
 
     Parameters
     ----------
@@ -53,9 +60,11 @@ def recover(bag: Path) -> tuple[list[Path], int]:
     Returns
     -------
     files : list of Path
-        What was cut short or joined; empty when the bag was whole.
+        What was cut short, damaged or joined; empty when the bag was whole.
     count : int
         Messages in it now.
+    damaged : dict
+        For each file with damage in it, how many of its messages are before it: these were kept.
 
     Raises
     ------
@@ -68,16 +77,14 @@ def recover(bag: Path) -> tuple[list[Path], int]:
         raise UserError(f"{bag}: no bag in this folder (no .mcap file)" if bag.exists() else f"{bag}: no such bag")
     folder = files[0].parent
     try:
-        cut = [file for file in files if not _has_end(file)]
-        touched = files if len(files) > 1 else cut
-        if touched:
-            _join(files, bool(cut))
+        touched = files if len(files) > 1 or not _is_whole(files[0]) else []
+        damaged = _join(files) if touched else {}
         if not is_file and (touched or not (folder / _METADATA).exists()):
             _write_metadata(folder, files[0])
-        return touched, _statistics(files[0])[2]
+        return touched, _statistics(files[0])[2], damaged
     except OSError as problem:
         raise UserError(f"{problem.filename or bag}: {problem.strerror}") from None
-    except (ValueError, KeyError, TypeError, McapError) as problem:
+    except (TypeError, *_DAMAGE) as problem:
         raise UserError(f"{bag}: not a readable bag: {problem or type(problem).__name__}") from None
 
 
@@ -89,17 +96,31 @@ def _has_end(file: Path) -> bool:
         return stream.read() == MCAP0_MAGIC
 
 
-def _join(files: Sequence[Path], is_cut: bool) -> None:
-    """Put what can be read of several files into the first of them, which ends as it should; remove the others."""
+def _is_whole(file: Path) -> bool:
+    """Tell whether a file can be read to its end, with the checksums that it has."""
+    with file.open("rb") as source, contextlib.suppress(*_DAMAGE):
+        return any(isinstance(record, Footer) for record in StreamReader(source, validate_crcs=True).records)
+    return False
+
+
+def _join(files: Sequence[Path]) -> dict[Path, int]:
+    """Put what can be read of several files into the first of them, which ends as it should; remove the others.
+
+    Returns the damaged ones, each with the number of messages before the damage; they stay, under another name.
+    """
     with open_whole(files[0]) as target:
         copy = _Copy(new_writer(target))
-        if is_cut:
-            copy.writer.add_metadata(MENDED_RECORD, {})
         for file in files:
             copy.add(file)
+        if not copy.is_whole:
+            copy.writer.add_metadata(MENDED_RECORD, {})
         copy.writer.finish()  # type: ignore[no-untyped-call]
+        target.flush()
+        for file in copy.damaged:
+            file.rename(file.with_name(f"{file.name}.damaged"))
     for file in files[1:]:
-        file.unlink()
+        file.unlink(missing_ok=True)
+    return copy.damaged
 
 
 class _Copy:
@@ -110,26 +131,50 @@ class _Copy:
         self._schemas: dict[tuple[str, bytes], int] = {}
         self._channels: dict[tuple[str, int], int] = {}
         self._said: set[tuple[str, str]] = set()
+        #: Whether all files were read to their ends; the damaged ones, with the messages that they gave.
+        self.is_whole = True
+        self.damaged: dict[Path, int] = {}
 
     def add(self, file: Path) -> None:
-        """Add what can be read of a file."""
+        """Add what can be read of a file: all of it, or what is before its early end or its damage.
+
+        Raises
+        ------
+        McapError
+            When the file does not begin as an MCAP file does, or is compressed in a way that cannot be read here.
+        """
         schemas: dict[int, int] = {0: 0}
         channels: dict[int, int] = {}
-        with file.open("rb") as source, contextlib.suppress(EndOfFile, struct.error):
-            for record in StreamReader(source).records:
-                if isinstance(record, Schema):
-                    schemas[record.id] = self._schema(record)
-                elif isinstance(record, Channel):
-                    channels[record.id] = self._channel(record, schemas[record.schema_id])
-                elif isinstance(record, Metadata):
-                    self._metadata(record)
-                elif isinstance(record, Attachment):
-                    self.writer.add_attachment(
-                        record.create_time, record.log_time, record.name, record.media_type, record.data
-                    )
-                elif isinstance(record, Message):
-                    number = channels[record.channel_id]
-                    self.writer.add_message(number, record.log_time, record.data, record.publish_time, record.sequence)
+        has_begun, messages = False, 0
+        with file.open("rb") as source:
+            try:
+                for record in StreamReader(source, validate_crcs=True).records:
+                    has_begun = True
+                    self._take(record, schemas, channels)
+                    messages += isinstance(record, Message)
+            except UnsupportedCompressionError:
+                raise
+            except _DAMAGE as problem:
+                self.is_whole = False
+                is_cut = isinstance(problem, _CUT) and not _has_end(file)
+                if not is_cut and not has_begun:
+                    raise
+                if not is_cut:
+                    self.damaged[file] = messages
+
+    def _take(self, record: McapRecord, schemas: dict[int, int], channels: dict[int, int]) -> None:
+        """Add a record; `schemas` and `channels` tell the numbers of its file and learn new ones."""
+        if isinstance(record, Schema):
+            schemas[record.id] = self._schema(record)
+        elif isinstance(record, Channel):
+            channels[record.id] = self._channel(record, schemas[record.schema_id])
+        elif isinstance(record, Metadata):
+            self._metadata(record)
+        elif isinstance(record, Attachment):
+            self.writer.add_attachment(record.create_time, record.log_time, record.name, record.media_type, record.data)
+        elif isinstance(record, Message):
+            number = channels[record.channel_id]
+            self.writer.add_message(number, record.log_time, record.data, record.publish_time, record.sequence)
 
     def _schema(self, record: Schema) -> int:
         key = (record.name, record.data)

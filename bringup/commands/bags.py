@@ -26,6 +26,10 @@ def recover(bag: Path) -> None:
     """
     from ac_experiments.bags.mending import recover as recover_bag
 
-    touched, count = recover_bag(bag)
+    touched, count, damaged = recover_bag(bag)
     what = f"made whole from {', '.join(file.name for file in touched)}" if touched else "was whole"
     click.echo(f"{bag}: {what}; {count} messages")
+    for file, kept in damaged.items():
+        click.echo(
+            f"{file.name} is damaged: its first {kept} messages were kept; the file itself is now {file.name}.damaged"
+        )

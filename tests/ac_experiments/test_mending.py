@@ -6,6 +6,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 from mcap.reader import make_reader
+from mcap.records import Chunk
+from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType, Writer
 from rosbags.highlevel import AnyReader
 
 from ac_common.errors import UserError
@@ -77,11 +80,70 @@ def test_recover_takes_a_bare_file(tmp_path: Path) -> None:
     file = tmp_path / "cut.mcap"
     whole = (REFERENCE / "bag_0.mcap").read_bytes()
     file.write_bytes(whole[: len(whole) // 2])
-    touched, count = recover(file)
-    assert touched == [file]
+    touched, count, damaged = recover(file)
+    assert (touched, damaged) == ([file], {})
     with file.open("rb") as stream:
         assert sum(1 for _ in make_reader(stream).iter_messages()) == count > 100
     assert {each.name for each in tmp_path.iterdir()} == {"cut.mcap"}
+
+
+def in_order(file: Path) -> list[tuple[int, bytes]]:
+    """All messages of a file as they follow each other in it, read by its index."""
+    with file.open("rb") as stream:
+        found = make_reader(stream).iter_messages(log_time_order=False)
+        return [(message.log_time, message.data) for _, _, message in found]
+
+
+def spoilt(how: str) -> bytes:
+    """The reference bag's file with damage: 4 KiB of garbage after two thirds of it, or 64 bytes of a chunk flipped."""
+    whole = (REFERENCE / "bag_0.mcap").read_bytes()
+    with (REFERENCE / "bag_0.mcap").open("rb") as stream:
+        ends = [(stream.tell(), isinstance(each, Chunk)) for each in StreamReader(stream, emit_chunks=True).records]
+    cut = whole[: max(end for end, _ in ends if end <= 2 * len(whole) // 3)]
+    at = max(end for end, is_chunk in ends if is_chunk and end <= len(whole) // 3) - 200
+    flipped = bytes(byte ^ 0xFF for byte in cut[at : at + 64])
+    return {
+        "garbage at its end": cut + b"\xe5" * 4096,
+        "bytes flipped, no end": cut[:at] + flipped + cut[at + 64 :],
+        "bytes flipped": whole[:at] + flipped + whole[at + 64 :],
+    }[how]
+
+
+@pytest.mark.parametrize("how", ["garbage at its end", "bytes flipped, no end", "bytes flipped"])
+def test_what_is_before_damage_is_kept(how: str, tmp_path: Path) -> None:
+    bag = shutil.copytree(REFERENCE, tmp_path / "bag")
+    file = bag / "bag_0.mcap"
+    file.write_bytes(spoilt(how))
+    done = CliRunner().invoke(cli, ["bags", "recover", str(bag)])
+    assert done.exit_code == 0, done.exception
+    kept, all_of_it = in_order(file), in_order(REFERENCE / "bag_0.mcap")
+    # Of the bytes two thirds or one third are before the damage, so about as much of the messages.
+    assert len(kept) > len(all_of_it) * (0.6 if how == "garbage at its end" else 0.25)
+    assert kept == all_of_it[: len(kept)]
+    assert f"bag_0.mcap is damaged: its first {len(kept)} messages were kept" in done.output
+    assert (bag / "bag_0.mcap.damaged").read_bytes() == spoilt(how)
+    assert not read_raw(bag).complete
+    assert "was whole" in CliRunner().invoke(cli, ["bags", "recover", str(bag)]).output
+
+
+def test_a_damaged_chunk_is_not_copied_under_a_new_checksum(tmp_path: Path) -> None:
+    """Of chunks without compression nothing but the checksum tells; both files have their ends."""
+    bag = tmp_path / "bag"
+    bag.mkdir()
+    for number in range(2):
+        with (bag / f"bag_{number}.mcap").open("wb") as stream:
+            writer = Writer(stream, compression=CompressionType.NONE)
+            writer.start()
+            channel = writer.register_channel("/number", "cdr", writer.register_schema("a/msg/Number", "ros2msg", b""))
+            writer.add_message(channel, number, b"%d is what was sent" % number, number)
+            writer.finish()
+    first = bag / "bag_0.mcap"
+    first.write_bytes(first.read_bytes().replace(b"0 is what was sent", b"7 is what was sent"))
+    touched, count, damaged = recover(bag)
+    assert ([file.name for file in touched], count, damaged) == (["bag_0.mcap", "bag_1.mcap"], 1, {first: 0})
+    raw = read_raw(bag)
+    assert [data for _, data in raw.messages["/number"]] == [b"1 is what was sent"]
+    assert not raw.complete
 
 
 def test_what_is_no_bag_is_one_line_and_stays(tmp_path: Path) -> None:
@@ -90,6 +152,7 @@ def test_what_is_no_bag_is_one_line_and_stays(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="no bag in this folder"):
         recover(tmp_path)
     shutil.copy(__file__, tmp_path / "text.mcap")
-    with pytest.raises(UserError, match="not a readable bag"):
+    with pytest.raises(UserError, match="not a readable bag") as refused:
         recover(tmp_path / "text.mcap")
+    assert "\n" not in str(refused.value)
     assert (tmp_path / "text.mcap").read_bytes() == Path(__file__).read_bytes()
