@@ -6,7 +6,8 @@ that of the effects, and those of `ac_design.analysis.isolability`.
 The load moves as a sawtooth of 200 s: air flow by 20 % and inlet air by 2 K, either way. The fault comes at 300 s, in
 the registry's usual size, or, of a sensor, as one that stands still, and stays; the same run without it is drawn
 beside. K0 is alone, so that what is seen is the fault and not what the compensator makes of it. The last column is what
-the detector calls the fault in a run with the compensator and without the load, which by itself is worth some alarms.
+the detector of `design: paper` calls the fault in a run with its compensator and without the load, which by itself is
+worth some alarms.
 """
 
 import re
@@ -54,7 +55,8 @@ PLOTS = (
     ("Compressor power", "W", "power"),
 )
 HEAD = (
-    "| fault | size | p_e, kPa | least SH, K | p_c, kPa | N, rpm | vents, K | cooling, % | power, % | called |\n"
+    "| fault | size | p_e, kPa | least SH, K | p_c, kPa | N, rpm | vents, K | cooling, % | power, % "
+    "| called (paper) |\n"
     "|---|---|---|---|---|---|---|---|---|---|"
 )
 
@@ -138,7 +140,7 @@ def picture(case: Case, faulty: Course, healthy: Course) -> str:
 
 
 def row(case: Case, faulty: Course, healthy: Course, at_rest: Recording) -> str:
-    """Return a row of Markdown: changes over the last period of the load, and what the detector calls it."""
+    """Return a row of Markdown: changes over the last period of the load, and what the paper's detector calls it."""
     last = faulty["t"] >= END_S - PERIOD_S
 
     def change(name: str) -> float:

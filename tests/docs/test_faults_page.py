@@ -7,7 +7,7 @@ import pytest
 
 from ac_common.faults import FAULTS
 from ac_design.analysis.isolability import SENSOR_SETS
-from docs.tools.fault_pictures import CASES, with_table
+from docs.tools.fault_pictures import CASES, HEAD, with_table
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGE = (DOCS / "faults.md").read_text(encoding="utf-8")
@@ -23,6 +23,10 @@ def test_each_fault_has_picture_section_and_row(case) -> None:
     assert f"`{case.fault.kind}`" in section
     assert len(section.split(words)[1].split("![")[0].split()) >= 4  # what a driver would notice
     assert len(re.findall(rf"^\| `{case.fault.kind}` \| {re.escape(case.size)} \|", PAGE, re.MULTILINE)) == 1
+
+
+def test_the_table_has_the_heads_that_the_command_writes() -> None:
+    assert PAGE.count(f"\n{HEAD}\n") == 1
 
 
 def test_pictures_of_no_other_fault_are_kept() -> None:
