@@ -41,6 +41,11 @@ HEADS = (
 )  # fmt: skip
 
 
+def published(name: str) -> Recording:
+    """Return a run of `pull_down` in the conditions of one of `PUBLISHED`, a little longer than 20 minutes."""
+    return simulate(load("pull_down", [*_SUN, *PUBLISHED[name]]))
+
+
 def rms(values: NDArray[np.float64]) -> float:
     """Return the root of the mean square."""
     return float(np.sqrt(np.mean(values**2)))
@@ -94,8 +99,8 @@ def main(arguments: Sequence[str]) -> int:
         if name in PICTURED:
             (Path(folder) / f"car_{name}.svg").write_text(picture(run), encoding="utf-8")
     print("\n| at a standstill | cabin after 5, 10, 20 min | vents then |\n|---|---|---|")
-    for name, changes in PUBLISHED.items():
-        run = simulate(load("pull_down", [*_SUN, *changes]))
+    for name in PUBLISHED:
+        run = published(name)
         at = np.searchsorted(run.time_s, [300.0, 600.0, 1200.0])
         cells = (run.series[key][at] for key in ("plant/car:cabin_air", "plant/vent_temperature"))
         print(f"| {name} | {' | '.join(', '.join(f'{value:.1f}' for value in cell) + ' degC' for cell in cells)} |")
