@@ -18,7 +18,12 @@ def test_each_seed_is_a_drive_within_what_is_promised(seed):
     assert scenario == load(f"drive:{seed}")
     assert (scenario.duration_s, scenario.noise.seed) == (1500.0, seed)
     plant = Plant.at(scenario.operating_point)
-    plan = schedule(scenario, plant.inputs, np.array([plant.outputs.evaporator_pressure_pa, plant.outputs.superheat_k]))
+    begin = plant.outputs.evaporator_pressure_pa, plant.outputs.superheat_k
+    plan = schedule(scenario, plant.inputs, np.array(begin))
+    p_e, superheat = plan.reference.T
+    assert (p_e[0], superheat[0]) == begin
+    assert np.all((p_e >= min(205e3, begin[0]) - 1e-6) & (p_e <= max(300e3, begin[0]) + 1e-6))
+    assert np.all((superheat >= begin[1] - 8.0 - 1e-9) & (superheat <= begin[1] + 4.0 + 1e-9))
     flow, inlet_c, condenser_flow, condenser_c = plan.air.T[:4]
     rest = plant.inputs
     assert np.all((flow / rest[2] >= 0.65 - 1e-9) & (flow / rest[2] <= 1.45 + 1e-9))
