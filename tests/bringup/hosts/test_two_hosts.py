@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ac_common.topics import truth_of
 from ac_experiments.bags.reader import health_reports, read_bag, read_raw
 from tests.domains import OWN
 
@@ -76,6 +77,9 @@ def test_plant_on_another_host_closes_the_loop(hosts: tuple[str, str], tmp_path:
         assert np.mean(np.isnan(series[topic])) < 0.5, topic
     last = dict(health_reports(read_raw(tmp_path / "bag")))
     assert float(last["ac_plant"]["command_latency_p50_ms"]) > 2e3 * DELAY_S  # there and back
-    assert recording.status[-1].isolated == "compressor_speed"
-    error_pa = series["plant/evaporator_pressure"] - series["reference/evaporator_pressure"]
-    assert np.nanmean(np.abs(error_pa[-50:])) < 3e3  # at rest after the fault, or on the way there
+    # What is concluded from readings that come late is the machine's matter. That the loop is closed is not: what
+    # reaches the actuators is what the controller on the other host has sent, with the fault.
+    sent, acting = series["controller/command:compressor"], series["actuator/command:compressor"]
+    off = np.abs((acting - series[truth_of("compressor_speed")])[:, None] - sent[None, :])
+    assert np.mean(np.nanmin(off, axis=1) < 1e-9) > 0.5
+    assert np.nanmax(sent) - np.nanmin(sent) > 1.0
