@@ -5,7 +5,8 @@
     python3 start.py pytest
 
 Needs Python 3.9 or newer with pip; nothing else, no ROS and no root. It fetches `uv`, which finds (or fetches)
-CPython 3.12, and installs what `requirements.txt` pins, hashes checked, into `.venv/` beside this file.
+CPython 3.12, and installs what `requirements.txt` pins, hashes checked, into `.venv/` beside this file; what a few
+commands need beside (`requirements-extra.txt`, `requirements-dev.txt`) when one of them is called for the first time.
 A later call finds the environment ready and only starts the command.
 """
 
@@ -22,6 +23,13 @@ from ac_ros_common.installation import without_foreign
 HERE = Path(__file__).resolve().parent
 VENV = HERE / ".venv"
 UV_VERSION = "0.13.9"
+LEVELS = ("requirements.txt", "requirements-extra.txt", "requirements-dev.txt")  # each holds all of those before it
+RUNTIME, EXTRA, DEVELOPMENT = range(3)
+EXTRAS = ("foxglove",)  # commands of acftc
+DEVELOPERS = ("lint-imports", "mkdocs", "mypy", "pytest", "ruff")
+SIZES = ("0.9 GB", "1 GB", "1.8 GB")
+# Bytecode that nobody runs is not made.
+NO_BYTECODE = "/(tests?|testing|sphinxext)/"
 # glibc of Debian 12 and newer, Ubuntu 22.04 and newer: what the ROS wheels are built for.
 SYSTEMS = {("Linux", "x86_64"), ("Linux", "aarch64")}
 
@@ -58,16 +66,30 @@ def find_uv() -> str:
     return str(uv)
 
 
+def level_of(command: list) -> int:
+    """Return which of `LEVELS` a command line needs."""
+    if command[0] in DEVELOPERS:
+        return DEVELOPMENT
+    return EXTRA if command[0] == "acftc" and command[1:2] and command[1] in EXTRAS else RUNTIME
+
+
 def wanted() -> str:
     """Fingerprint of what the environment must hold."""
-    files = (HERE / "requirements.txt", HERE / "pyproject.toml", HERE / ".python-version")
+    files = [HERE / name for name in (*LEVELS, "pyproject.toml", ".python-version")]
     return hashlib.sha256(b"\0".join(file.read_bytes() for file in files) + str(HERE).encode()).hexdigest()
 
 
-def make_environment() -> None:
-    """Bring `.venv/` to what `requirements.txt` pins, and this project into it."""
+def level_there() -> int:
+    """Return which of `LEVELS` the environment holds; -1: none."""
     stamp = VENV / "acftc-environment"
-    if stamp.exists() and stamp.read_text() == wanted():
+    fingerprint, _, level = stamp.read_text().partition(" ") if stamp.exists() else ("", "", "")
+    return int(level) if fingerprint == wanted() and level else -1
+
+
+def make_environment(level: int) -> None:
+    """Bring `.venv/` to what the file of this level pins, and this project into it."""
+    there = level_there()
+    if there >= level:
         return
     if (platform.system(), platform.machine()) not in SYSTEMS:
         fail(
@@ -75,22 +97,23 @@ def make_environment() -> None:
             "use such a machine or a container",
         )
     uv = find_uv()
-    print("start.py: making the environment in .venv (about 1 GB, half a minute on a fast line)", file=sys.stderr)
-    call(
-        [uv, "venv", "--quiet", "--clear", "--python", "3.12", str(VENV)],
-        "no CPython 3.12 was found or could be fetched",
-        "install it (Ubuntu 24.04: apt install python3.12; elsewhere: pyenv install 3.12, or uv python install 3.12)",
-    )
-    pip = [uv, "pip", "install", "--quiet", "--python", str(VENV / "bin" / "python")]
+    what = "making the environment in .venv" if there < 0 else "adding to the environment what this command needs"
+    print(f"start.py: {what} (then {SIZES[level]}, half a minute on a fast line)", file=sys.stderr)
+    python = str(VENV / "bin" / "python")
+    if there < 0:
+        call(
+            [uv, "venv", "--quiet", "--clear", "--python", "3.12", str(VENV)],
+            "no CPython 3.12 was found or could be fetched",
+            "install it (Ubuntu 24.04: apt install python3.12; elsewhere: pyenv install 3.12, uv python install 3.12)",
+        )
+    pip = [uv, "pip", "install", "--quiet", "--python", python]
     remedy = "see the lines above; a network or disk problem is the usual cause"
-    call(
-        [*pip, "--compile-bytecode", "--require-hashes", "-r", "requirements.txt"],
-        "the pinned packages could not be installed",
-        remedy,
-    )
+    call([*pip, "--require-hashes", "-r", LEVELS[level]], "the pinned packages could not be installed", remedy)
     call([*pip, "--no-deps", "--editable", "."], "acftc itself could not be installed", remedy)
+    # A file that does not compile (a template, code for another Python) is none of ours.
+    subprocess.run([python, "-m", "compileall", "-qq", "-j", "0", "-x", NO_BYTECODE, str(VENV / "lib")], check=False)
     (VENV / "COLCON_IGNORE").touch()  # it may stand in a workspace
-    stamp.write_text(wanted())
+    (VENV / "acftc-environment").write_text(f"{wanted()} {level}")
 
 
 def main() -> None:
@@ -98,7 +121,7 @@ def main() -> None:
     if len(sys.argv) < 2 or sys.argv[1] in ("-h", "--help"):
         print(__doc__)
         return
-    make_environment()
+    make_environment(level_of(sys.argv[1:]))
     bin_dir = VENV / "bin"
     command = bin_dir / sys.argv[1]
     if not command.exists():

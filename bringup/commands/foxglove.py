@@ -5,6 +5,7 @@ import contextlib
 import click
 
 from bringup.commands.console import say
+from bringup.commands.extras import need
 from bringup.commands.options import examples
 
 
@@ -25,6 +26,7 @@ def foxglove(host: str, port: int) -> None:
     Foxglove and Lichtblick connect to it ("Foxglove WebSocket") and need no ROS installation; layouts/foxglove.json is
     a layout. Whoever can reach the address can read the loop; nobody can write.
     """
+    need("foxglove", foxglove="foxglove-sdk")
     from bringup.commands.foxglove_bridge import bridge
 
     with bridge(host, port) as passing, contextlib.suppress(KeyboardInterrupt):
