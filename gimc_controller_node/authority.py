@@ -13,6 +13,9 @@ well it stays away four times as long and comes back with half the gain it had.
 import numpy as np
 from numpy.typing import NDArray
 
+from ac_common.arrays import same_shape
+from gimc_controller_node.compiled import Array, jit
+
 DESIGN_RANGE = 5.0
 """Bound of q: this many times its peak after a fault or a step of the air flow of the design's size, each by itself."""
 
@@ -32,6 +35,35 @@ LESS_GAIN, LEAST_GAIN = 0.5, 0.125
 """Of its gain until then: the part that is left after each time that it did not keep well, and at least."""
 
 
+# Layout of what an `Authority` remembers, and of what it is made of.
+_OUTSIDE, _SHARE, GAIN, _BOUND, _WAIT_S, _IN_SERVICE_S, _QUIET_S = range(7)
+_SPEED, _VALVE, _SAMPLE_TIME_S, _SHARE_STEP = range(7, 11)
+N_AUTHORITY = 11
+
+
+@jit
+def let_through(m: Array, speed: float, valve: float) -> float:
+    """As `Authority.step`, on its memory."""
+    ratio = max(abs(speed) / m[_SPEED], abs(valve) / m[_VALVE])
+    if m[_OUTSIDE] != 0.0:
+        m[_QUIET_S] = m[_QUIET_S] + m[_SAMPLE_TIME_S] if ratio < RETURN_RATIO else 0.0
+        if m[_QUIET_S] >= m[_WAIT_S]:
+            m[_OUTSIDE], m[_BOUND], m[_IN_SERVICE_S] = 0.0, PROBATION, 0.0
+    else:
+        m[_IN_SERVICE_S] += m[_SAMPLE_TIME_S]
+        proven = m[_IN_SERVICE_S] >= KEPT_WELL * m[_WAIT_S]
+        if proven:
+            m[_BOUND] = m[GAIN] = 1.0
+        if ratio > m[_BOUND]:
+            m[_WAIT_S] = FIRST_WAIT_S if proven else min(LONGER * m[_WAIT_S], LONGEST_WAIT_S)
+            m[GAIN] = max(LESS_GAIN * m[GAIN], LEAST_GAIN)
+            m[_OUTSIDE], m[_QUIET_S] = 1.0, 0.0
+    target = 0.0 if m[_OUTSIDE] != 0.0 else m[GAIN]
+    m[_SHARE] += min(max(target - m[_SHARE], -m[_SHARE_STEP]), m[_SHARE_STEP])
+    share: float = m[_SHARE]
+    return share * min(m[_BOUND] / ratio, 1.0) if ratio > 0.0 else share
+
+
 class Authority:
     """The part of q that is let through, tick by tick.
 
@@ -42,58 +74,38 @@ class Authority:
     sample_time_s : float
     fade_time_s : float
         How long q takes to go out, or to come back, in a straight line.
+    memory : ndarray, shape (N_AUTHORITY,), optional
+        Where it is to keep what it knows.
 
     Raises
     ------
     ValueError
         When a bound is not above zero.
-
-    Attributes
-    ----------
-    outside : bool
-        Whether q is kept out, or on its way out.
     """
 
-    def __init__(self, q_range: NDArray[np.float64], sample_time_s: float, fade_time_s: float) -> None:
+    def __init__(
+        self, q_range: NDArray[np.float64], sample_time_s: float, fade_time_s: float, memory: Array | None = None
+    ) -> None:
         if q_range.shape != (2,) or not (q_range > 0.0).all():
             raise ValueError(f"bounds of q are {q_range.tolist()}; allowed: two numbers above zero")
-        self._speed, self._valve = q_range.tolist()
-        self._sample_time_s, self._share_step = sample_time_s, sample_time_s / fade_time_s
-        self.outside = False
-        self._share, self._gain, self._bound = 1.0, 1.0, 1.0
-        self._wait_s, self._in_service_s, self._quiet_s = 0.0, 0.0, 0.0
+        self._memory = np.empty(N_AUTHORITY) if memory is None else memory
+        self._memory[:] = (0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, *q_range, sample_time_s, sample_time_s / fade_time_s)
+        self._known = self._memory[:_SPEED]
 
     @property
-    def on_probation(self) -> bool:
-        """Whether q went beyond its bounds and has not kept well for long enough since."""
-        return self._gain < 1.0
+    def outside(self) -> bool:
+        """Whether q is kept out, or on its way out."""
+        return bool(self._memory[_OUTSIDE])
 
     def step(self, speed: float, valve: float) -> float:
         """Return the factor, 0 to 1, on the q [rad/s, 0..1] that the filters ask for."""
-        ratio = max(abs(speed) / self._speed, abs(valve) / self._valve)
-        if self.outside:
-            self._quiet_s = self._quiet_s + self._sample_time_s if ratio < RETURN_RATIO else 0.0
-            if self._quiet_s >= self._wait_s:
-                self.outside, self._bound, self._in_service_s = False, PROBATION, 0.0
-        else:
-            self._in_service_s += self._sample_time_s
-            proven = self._in_service_s >= KEPT_WELL * self._wait_s
-            if proven:
-                self._bound = self._gain = 1.0
-            if ratio > self._bound:
-                self._wait_s = FIRST_WAIT_S if proven else min(LONGER * self._wait_s, LONGEST_WAIT_S)
-                self._gain = max(LESS_GAIN * self._gain, LEAST_GAIN)
-                self.outside, self._quiet_s = True, 0.0
-        target = 0.0 if self.outside else self._gain
-        self._share += min(max(target - self._share, -self._share_step), self._share_step)
-        return self._share * min(self._bound / ratio, 1.0) if ratio > 0.0 else self._share
+        return let_through(self._memory, speed, valve)
 
     def state(self) -> list[float]:
         """Return what one that takes this one's place has to know."""
-        own = (self._share, self._gain, self._bound, self._wait_s, self._in_service_s, self._quiet_s)
-        return [float(self.outside), *own]
+        known: list[float] = self._known.tolist()
+        return known
 
     def restore(self, state: list[float]) -> None:
         """Take the place of the one whose `state` this is."""
-        outside, self._share, self._gain, self._bound, self._wait_s, self._in_service_s, self._quiet_s = state
-        self.outside = bool(outside)
+        self._known[:] = same_shape(state, self._known)

@@ -26,10 +26,12 @@ from numpy.typing import NDArray
 
 from ac_common.arrays import Arrays, same_shape
 from ac_common.faults import ISOLABLE_KINDS, UNKNOWN
+from ac_common.products import columns_of, multiply
 from ac_common.units import KPA, RPM
-from gimc_controller_node.authority import DESIGN_RANGE, Authority
+from gimc_controller_node.authority import DESIGN_RANGE, GAIN, N_AUTHORITY, Authority, let_through
 from gimc_controller_node.command_limits import CommandLimits
-from gimc_controller_node.reach import Reach
+from gimc_controller_node.compiled import Array, jit
+from gimc_controller_node.reach import N_REACH, REACH_GAIN, Reach, approach
 
 Vector = NDArray[np.float64]
 #: A named signal, or an array of its values.
@@ -134,8 +136,80 @@ class CompensatorDesign:
         Compensator(self).step(np.array([1e3, 1.0, 1.0]), None, None, reference=(2.5e5, 20.0))
 
 
-_NUMBERS = ("_share", "_often", "_follows", "_isolated")
-_ARRAYS = ("_state", "_innovation", "_first_lag", "_forgotten")
+# Layout of what a `Compensator` remembers, and of what it is made of; behind it stand the vectors and both matrices.
+_SHARE, _OFTEN, _FOLLOWS, _ISOLATED, _Q_SPEED, _Q_VALVE = range(6)
+_HANDS_OVER, _FADES, _SHARE_STEP, _FORGETS_OFTEN = range(6, 10)
+_CORRECTION = 10  # first lag, then second one
+_AUTHORITY = _CORRECTION + 4
+_REACH = _AUTHORITY + N_AUTHORITY
+_VECTORS = _REACH + N_REACH
+
+_NOBODY, _STRANGER = -1, len(ISOLABLE_KINDS)
+_NUMBER: dict[str | None, int] = {None: _NOBODY, UNKNOWN: _STRANGER}
+_NUMBER |= {kind: i for i, kind in enumerate(ISOLABLE_KINDS)}
+
+
+@jit
+def _may_follow(m: Array, isolated: float) -> bool:
+    """Return whether the faults that are isolated, none to two, are to be followed.
+
+    Not when they come and go too often, nor where q has gone beyond its bounds or all of it would leave too little
+    margin: a model that is not good enough for the guard is not for the isolation either.
+    """
+    m[_OFTEN] = m[_OFTEN] * m[_FORGETS_OFTEN] + (1.0 if isolated > m[_ISOLATED] else 0.0)
+    m[_ISOLATED] = isolated
+    if m[_OFTEN] > OFTEN:
+        m[_FOLLOWS] = 0.0
+    elif m[_OFTEN] < SELDOM and isolated == 0.0:
+        m[_FOLLOWS] = 1.0
+    on_probation, is_whole = m[_AUTHORITY + GAIN] < 1.0, m[_REACH + REACH_GAIN] > 1.0 - 1e-9
+    return m[_FOLLOWS] != 0.0 and not on_probation and is_whole
+
+
+@jit
+def _filtered(m: Array, n: int, forgets: bool, p_e: float, superheat: float, wall: float) -> Array:
+    """Let the filters take f_e; return what is kept of their signals, (6,)."""
+    end = _VECTORS + n + 15
+    known, kept, size = m[_VECTORS:end], m[end : end + n + 18], (n + 15) * (n + 18)
+    known[n + 12], known[n + 13], known[n + 14] = p_e, superheat, wall
+    first = end + n + 18 + (0 if forgets else size)
+    multiply(m[first : first + size], known, kept)
+    for i in range(n + 12):
+        known[i] = kept[6 + i]
+    return kept[:6]
+
+
+@jit
+def _compensate(
+    m: Array, n: int, p_e: float, superheat: float, wall: float, isolated: int, also: int, acts: int, aims: int
+) -> None:
+    """One tick with f_e: see `Compensator.step`; `isolated` and `also` by `_NUMBER`, `aims`: references are known."""
+    stands_back = isolated == _STRANGER
+    if stands_back:
+        isolated = also = _NOBODY
+    if not _may_follow(m, float((isolated != _NOBODY) + (also != _NOBODY))):
+        isolated = also = _NOBODY
+    kept = _filtered(m, n, isolated == _NOBODY, p_e, superheat, wall)
+    correction = m[_CORRECTION : _CORRECTION + 4]
+    if isolated == _NOBODY or also != _NOBODY:
+        for i in range(4):
+            correction[i] *= m[_FADES]
+    else:
+        row, rate = 2 + 2 * isolated, m[_HANDS_OVER]
+        correction[0] += rate * (kept[row] - kept[0] - correction[0])
+        correction[1] += rate * (kept[row + 1] - kept[1] - correction[1])
+        correction[2] += rate * (correction[0] - correction[2])
+        correction[3] += rate * (correction[1] - correction[3])
+    change = m[_SHARE_STEP] if acts != 0 and not stands_back else -m[_SHARE_STEP]
+    m[_SHARE] = min(max(m[_SHARE] + change, 0.0), 1.0)
+    if aims != 0:
+        approach(m[_REACH:_VECTORS])
+    gain = m[_REACH + REACH_GAIN]
+    speed, valve = gain * (kept[0] + correction[2]), gain * (kept[1] + correction[3])
+    share = m[_SHARE] * let_through(m[_AUTHORITY:_REACH], speed, valve)
+    m[_Q_SPEED] = m[_Q_VALVE] = 0.0
+    if share != 0.0:
+        m[_Q_SPEED], m[_Q_VALVE] = share * speed, share * valve
 
 
 class Compensator:
@@ -152,24 +226,22 @@ class Compensator:
     def __init__(self, design: CompensatorDesign, accommodate: bool = True) -> None:
         self.design = design
         self.accommodate = accommodate
-        n = len(design.a)
-        self._in, self._seen = np.zeros(n + 15), np.zeros(n + 18)
-        self._known, self._innovation = self._in[: n + 12], self._in[n + 12 :]
-        self._state, self._first_lag, self._forgotten = np.split(self._known, [n, n + 6])
-        self._kept, self._next = self._seen[:6], self._seen[6:]
+        n = self._n = len(design.a)
         times = (design.handover_time_s, design.fade_time_s, design.washout_time_s)
-        self._hands_over, fades, forgets = (-math.expm1(-design.sample_time_s / time) for time in times)
-        self._fades = 1.0 - fades
-        self._forgetting, self._holding = _filters(design, forgets), _filters(design, 0.0)
-        self._correction = [0.0, 0.0, 0.0, 0.0]  # first lag, then second one
-        self._share = float(accommodate)  # of q that is let through
-        self._share_step = design.sample_time_s / design.fade_time_s
-        self._often, self._forgets_often = 0.0, math.exp(-design.sample_time_s / OFTEN_S)
-        self._follows, self._isolated = True, 0
-        self._reach = Reach(
-            design.reference_rest, design.reach_offsets, design.reach_excess, design.sample_time_s, design.fade_time_s
-        )
-        self._authority = Authority(design.q_range, design.sample_time_s, design.fade_time_s)
+        hands_over, fades, forgets = (-math.expm1(-design.sample_time_s / time) for time in times)
+        matrices = [columns_of(_filters(design, rate)) for rate in (forgets, 0.0)]
+        m = self._memory = np.concatenate([np.zeros(_VECTORS + 2 * n + 33), *matrices])
+        m[_SHARE], m[_FOLLOWS] = float(accommodate), 1.0  # the share is that of q which is let through
+        m[_HANDS_OVER], m[_FADES] = hands_over, 1.0 - fades
+        m[_SHARE_STEP] = design.sample_time_s / design.fade_time_s
+        m[_FORGETS_OFTEN] = math.exp(-design.sample_time_s / OFTEN_S)
+        self._q, self._correction = m[_Q_SPEED : _Q_VALVE + 1], m[_CORRECTION:_AUTHORITY]
+        vectors = np.split(m[_VECTORS : _VECTORS + n + 15], [n, n + 6, n + 12])
+        self._vectors = dict(zip(("_state", "_first_lag", "_forgotten", "_innovation"), vectors, strict=True))
+        sample_time_s, fade_time_s = design.sample_time_s, design.fade_time_s
+        reach = design.reference_rest, design.reach_offsets, design.reach_excess
+        self._reach = Reach(*reach, sample_time_s, fade_time_s, m[_REACH:_VECTORS])
+        self._authority = Authority(design.q_range, sample_time_s, fade_time_s, m[_AUTHORITY:_REACH])
 
     @property
     def does(self) -> str:
@@ -181,10 +253,17 @@ class Compensator:
 
     def state(self) -> dict[str, Any]:
         """Return what a compensator that takes this one's place has to know, fit for JSON; between two ticks."""
-        arrays = {name: getattr(self, name).tolist() for name in _ARRAYS}
-        own = {"_correction": self._correction, **{name: getattr(self, name) for name in _NUMBERS}}
-        own["_reach"] = self._reach.gain
-        return {**arrays, **own, "_authority": self._authority.state()}
+        m = self._memory
+        return {
+            **{name: vector.tolist() for name, vector in self._vectors.items()},
+            "_correction": self._correction.tolist(),
+            "_share": float(m[_SHARE]),
+            "_often": float(m[_OFTEN]),
+            "_follows": bool(m[_FOLLOWS]),
+            "_isolated": int(m[_ISOLATED]),
+            "_reach": self._reach.gain,
+            "_authority": self._authority.state(),
+        }
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Take the place of the compensator whose `state` this is.
@@ -195,8 +274,8 @@ class Compensator:
             When it is none of a compensator of this design.
         """
         try:
-            arrays = {name: same_shape(state[name], getattr(self, name)) for name in _ARRAYS}
-            correction = [float(value) for value in state["_correction"]]
+            arrays = {name: same_shape(state[name], vector) for name, vector in self._vectors.items()}
+            correction = same_shape(state["_correction"], self._correction)
             share, often = float(state["_share"]), float(state["_often"])
             follows, isolated, reach = bool(state["_follows"]), int(state["_isolated"]), float(state["_reach"])
             self._authority.restore([float(value) for value in state["_authority"]])
@@ -204,9 +283,10 @@ class Compensator:
             msg = f"not the state of such a compensator: {type(problem).__name__} {problem}"
             raise ValueError(msg) from None
         for name, array in arrays.items():
-            getattr(self, name)[:] = array
+            self._vectors[name][:] = array
         self._correction[:] = correction
-        self._share, self._often, self._follows, self._isolated = share, often, follows, isolated
+        m = self._memory
+        m[_SHARE], m[_OFTEN], m[_FOLLOWS], m[_ISOLATED] = share, often, follows, isolated
         self._reach.restore(reach)
 
     def warm_restart(
@@ -221,7 +301,7 @@ class Compensator:
 
         Call it before `step`, with that tick's innovation, isolation and references.
         """
-        start, end = self._innovation.copy(), np.array(innovation)
+        start, end = self._vectors["_innovation"].copy(), np.array(innovation)
         for tick in range(1, missed_ticks + 1):
             self.step(start + (end - start) * (tick / (missed_ticks + 1)), isolated, also_isolated, reference)
 
@@ -254,51 +334,15 @@ class Compensator:
         ndarray, shape (2,)
             q [rad/s, 0..1].
         """
-        stands_back = isolated == UNKNOWN
-        if stands_back:
-            isolated = also_isolated = None
-        if not self._may_follow((isolated is not None) + (also_isolated is not None)):
-            isolated = also_isolated = None
-        self._innovation[0], self._innovation[1], self._innovation[2] = innovation
-        np.dot(self._forgetting if isolated is None else self._holding, self._in, out=self._seen)
-        self._known[:] = self._next
-        kept: list[float] = self._kept.tolist()
-        guard_speed, guard_valve = kept[0], kept[1]
-        correction = self._correction
-        if isolated is None or also_isolated is not None:
-            for i in range(4):
-                correction[i] *= self._fades
-        else:
-            row, rate = 2 + 2 * ISOLABLE_KINDS.index(isolated), self._hands_over
-            correction[0] += rate * (kept[row] - guard_speed - correction[0])
-            correction[1] += rate * (kept[row + 1] - guard_valve - correction[1])
-            correction[2] += rate * (correction[0] - correction[2])
-            correction[3] += rate * (correction[1] - correction[3])
-        change = self._share_step if self.accommodate and not stands_back else -self._share_step
-        share = self._share = min(max(self._share + change, 0.0), 1.0)
-        gain = self._reach.gain if reference is None else self._reach.step(*reference)
-        speed, valve = gain * (guard_speed + correction[2]), gain * (guard_valve + correction[3])
-        share *= self._authority.step(speed, valve)
-        if share == 0.0:
-            return np.zeros(2)
-        return np.array([share * speed, share * valve])
+        if reference is not None:
+            self._reach.aim(*reference)
+        p_e, superheat, wall = innovation
+        numbers = _NUMBER[isolated], _NUMBER[also_isolated], int(self.accommodate), int(reference is not None)
+        _compensate(self._memory, self._n, float(p_e), float(superheat), float(wall), *numbers)
+        return self._q.copy()
 
     def commanded(self, command: Signal) -> None:
         """Do nothing: this compensator has no use for the command."""
-
-    def _may_follow(self, isolated: int) -> bool:
-        """Return whether the faults that are isolated, none to two, are to be followed.
-
-        Not when they come and go too often, nor where q has gone beyond its bounds or all of it would leave too little
-        margin: a model that is not good enough for the guard is not for the isolation either.
-        """
-        self._often = self._often * self._forgets_often + (isolated > self._isolated)
-        self._isolated = isolated
-        if self._often > OFTEN:
-            self._follows = False
-        elif self._often < SELDOM and isolated == 0:
-            self._follows = True
-        return self._follows and not self._authority.on_probation and self._reach.is_whole
 
 
 def _filters(design: CompensatorDesign, rate: float) -> Vector:

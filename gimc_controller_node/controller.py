@@ -25,6 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.arrays import Arrays
+from ac_common.products import columns_of, multiply
+from gimc_controller_node.compiled import Array, jit
 
 Vector = NDArray[np.float64]
 #: Compressor speed [rad/s] and valve opening [0..1], shape (2,).
@@ -39,6 +41,18 @@ NO_APPROACH_K = -1e3
 
 LEAST_SHARE = -1.0 + 1e-9
 """Least that a logarithm is taken of, less one: a command that is wanted far below its limits has one, too."""
+
+
+@jit
+def coordinate(above: float, c: float) -> float:
+    """Return the coordinate of a command that is so far above rest, with curvature c."""
+    return math.log1p(max(c * above, LEAST_SHARE)) / c if c != 0.0 else above
+
+
+@jit
+def above_rest(coordinate: float, c: float) -> float:
+    """Return how far above rest the command of a coordinate is, with curvature c."""
+    return math.expm1(min(c * coordinate, LARGEST_EXPONENT)) / c if c != 0.0 else coordinate
 
 
 @dataclass(frozen=True)
@@ -103,11 +117,11 @@ class ControllerDesign:
     def coordinates(self, command: Command) -> Vector:
         """Return the coordinates [rad/s, 0..1] of a command within the limits [rad/s, 0..1], shape (2,)."""
         above: Vector = command - self.command_rest
-        return _each(_logarithm, above, self.curvature) if self.is_curved else above
+        return _each(coordinate, above, self.curvature) if self.is_curved else above
 
     def command_at(self, coordinates: Vector) -> Command:
         """Return the command [rad/s, 0..1] at these coordinates [rad/s, 0..1], shape (2,)."""
-        above = _each(_exponential, coordinates, self.curvature) if self.is_curved else coordinates
+        above = _each(above_rest, coordinates, self.curvature) if self.is_curved else coordinates
         command: Command = above + self.command_rest
         return command
 
@@ -150,6 +164,34 @@ class Controller(Protocol):
         """Go on from `command`, which the actuators have now, without a jump; the next `step` sees the same signals."""
 
 
+# Layout of what K0 is made of: the command at rest and the curvatures, then what it wants; behind that stand its
+# vectors [xi, r - y, u] and xi of the next tick, and the matrices of both.
+_REST, _CURVATURE, WANTED, _VECTORS = 0, 2, 4, 6
+
+
+@jit
+def k0_step(m: Array, n: int, pressure_error: float, superheat_error: float, q_speed: float, q_valve: float) -> None:
+    """Find the command that K0 wants, `m[4:6]`, on its memory; n: length of its state."""
+    seen, first = m[_VECTORS : _VECTORS + n + 2], _VECTORS + 2 * n + 4
+    seen[n], seen[n + 1] = pressure_error, superheat_error
+    wanted = m[WANTED : WANTED + 2]
+    multiply(m[first : first + 2 * (n + 2)], seen, wanted)
+    wanted[0] = above_rest(wanted[0] + q_speed, m[_CURVATURE]) + m[_REST]
+    wanted[1] = above_rest(wanted[1] + q_valve, m[_CURVATURE + 1]) + m[_REST + 1]
+
+
+@jit
+def k0_sent(m: Array, n: int, speed: float, valve: float) -> None:
+    """As `GimcController.sent`, on its memory."""
+    end, first = _VECTORS + n + 4, _VECTORS + 2 * n + 4 + 2 * (n + 2)
+    known, after = m[_VECTORS:end], m[end : end + n]
+    known[n + 2] = coordinate(speed - m[_REST], m[_CURVATURE])
+    known[n + 3] = coordinate(valve - m[_REST + 1], m[_CURVATURE + 1])
+    multiply(m[first : first + n * (n + 4)], known, after)
+    for i in range(n):
+        known[i] = after[i]
+
+
 class GimcController(Controller):
     """K0 in coprime factors: its state and its step.
 
@@ -158,30 +200,31 @@ class GimcController(Controller):
     Parameters
     ----------
     design : ControllerDesign
+
+    Attributes
+    ----------
+    n_states : int
+    memory : ndarray
+        What it remembers and is made of, for compiled code.
     """
 
     def __init__(self, design: ControllerDesign) -> None:
         self.design = design
-        n = len(design.phi)
-        self._n = n
-        self._in = np.zeros(n + 4)  # state, r - y, command
-        self._state, self._error, self._deviation = self._in[:n], self._in[n : n + 2], self._in[n + 2 :]
-        self._seen = self._in[: n + 2]
-        self._output = np.ascontiguousarray(np.hstack([design.c, design.d]))
-        self._update = np.ascontiguousarray(np.hstack([design.phi, design.gamma]))
-        self._wanted, self._next = np.zeros(2), np.zeros(n)
+        n = self.n_states = len(design.phi)
+        output = columns_of(np.hstack([design.c, design.d]))
+        update = columns_of(np.hstack([design.phi, design.gamma]))
+        constants = [design.command_rest, design.curvature, np.zeros(2 + 2 * n + 4)]
+        self.memory = np.concatenate([*constants, output, update])
+        self._wanted, self._state = self.memory[WANTED:_VECTORS], self.memory[_VECTORS : _VECTORS + n]
 
     def step(self, reference: Vector, measurement: Vector, q: Vector) -> Command:
         """Return the command that is wanted: `w = C xi + D (r - y) + q`, from the operating point on."""
-        np.subtract(reference, measurement, out=self._error)
-        np.dot(self._output, self._seen, out=self._wanted)
-        return self.design.command_at(self._wanted + q)
+        k0_step(self.memory, self.n_states, *(reference - measurement).tolist(), *q.tolist())
+        return self._wanted.copy()
 
     def sent(self, command: Command) -> None:
         """Step the state over this tick with the command that the plant gets."""
-        self._deviation[:] = self.design.coordinates(command)
-        np.dot(self._update, self._in, out=self._next)
-        self._state[:] = self._next
+        k0_sent(self.memory, self.n_states, float(command[0]), float(command[1]))
 
     def warm_restart(self, command: Command, measurement: Vector, reference: Vector) -> None:
         """Take the state in which the loop would rest with `command`.
@@ -189,18 +232,12 @@ class GimcController(Controller):
         So the integrators, not a proportional part, take up the error that is there.
         """
         design = self.design
-        at_rest = np.linalg.solve(np.eye(self._n) - design.phi, design.gamma[:, 2:])  # xi under a unit command held
+        at_rest = np.linalg.solve(
+            np.eye(self.n_states) - design.phi, design.gamma[:, 2:]
+        )  # xi under a unit command held
         missing = design.coordinates(command) - design.d @ (reference - measurement)
         self._state[:] = at_rest @ np.linalg.lstsq(design.c @ at_rest, missing, rcond=None)[0]
 
 
 def _each(of: Callable[[float, float], float], values: Vector, curvature: Vector) -> Vector:
     return np.array([of(value, c) for value, c in zip(values.tolist(), curvature.tolist(), strict=True)])
-
-
-def _logarithm(above: float, c: float) -> float:
-    return math.log1p(max(c * above, LEAST_SHARE)) / c if c else above
-
-
-def _exponential(coordinate: float, c: float) -> float:
-    return math.expm1(min(c * coordinate, LARGEST_EXPONENT)) / c if c else coordinate

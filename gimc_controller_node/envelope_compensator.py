@@ -25,9 +25,11 @@ from numpy.typing import NDArray
 
 from ac_common.arrays import same_shape
 from ac_common.faults import ISOLABLE_KINDS
+from ac_common.products import columns_of, multiply
 from ac_common.units import KPA
-from ac_plant_node.saturation import saturation_temperature
-from gimc_controller_node.controller import ControllerDesign
+from ac_plant_node.saturation import saturation_curve, temperature_on
+from gimc_controller_node.compiled import Array, jit
+from gimc_controller_node.controller import ControllerDesign, coordinate
 
 Vector = NDArray[np.float64]
 Signal = Sequence[float] | Vector
@@ -42,6 +44,71 @@ LEAST_PRESSURE_PA = 1e4
 
 ERROR_UNIT = (5.0 * KPA, 2.5)
 """Units of the watched control errors of p_e [Pa] and SH [K]."""
+
+# Layout of what an `EnvelopeCompensator` remembers, and of what it is made of; behind it stand [state, inputs], the
+# state of the next tick, and the matrices of q and state.
+_USED, _AVERAGE, _ALLOWED, _WITHDRAWN = 0, 2, 3, 4  # of f_N and f_p, after the fades; then the watch
+_COMMAND, _PRESSURE = 5, 7  # as it was last sent, as it last read
+_LIMITED, _Q, _LOWEST, _HIGHEST, _FADES_IN, _FADES_OUT, _AVERAGES = 8, 9, 11, 13, 15, 17, 18
+_HEALTHY, _HARMFUL, _REST, _CURVATURE, _VECTORS = 19, 20, 21, 22, 23
+
+
+@jit
+def _superheat_fault(curve: Array, reading_pa: float, f_p: float) -> float:
+    """Return what f_p [Pa] adds to a superheat [K] derived from a pressure that reads `reading_pa` [Pa]."""
+    actual = max(reading_pa - f_p, LEAST_PRESSURE_PA)
+    more: float = temperature_on(curve, actual) - temperature_on(curve, max(reading_pa, LEAST_PRESSURE_PA))
+    return more
+
+
+@jit
+def _shift(m: Array, f_n: float) -> float:
+    """Return what takes f_N off the coordinate of the speed."""
+    if f_n == 0.0:
+        return 0.0
+    sent, turning = m[_COMMAND], max(m[_COMMAND] + f_n, 0.0)
+    return coordinate(sent - m[_REST], m[_CURVATURE]) - coordinate(turning - m[_REST], m[_CURVATURE])
+
+
+@jit
+def _watch(m: Array, is_active: bool, error: float) -> None:
+    """Withdraw what seems to do harm, until the fault is no longer isolated."""
+    m[_AVERAGE] += m[_AVERAGES] * (error - m[_AVERAGE])
+    if not is_active:
+        m[_ALLOWED], m[_WITHDRAWN] = max(m[_AVERAGE], m[_HEALTHY]) + m[_HARMFUL], 0.0
+    elif m[_AVERAGE] > m[_ALLOWED]:
+        m[_WITHDRAWN] = 1.0
+
+
+@jit
+def _accommodate(
+    m: Array, curve: Array, n: int, f_n: float, f_p: float, has_f_n: int, has_f_p: int, may_act: int, is_read: int,
+    pressure: float, superheat: float, is_wanted: int, wanted_pressure: float, wanted_superheat: float,
+) -> None:  # fmt: skip
+    """One tick: see `EnvelopeCompensator.step`; `curve` is empty when the superheat is not derived."""
+    acts, used = may_act != 0 and m[_WITHDRAWN] == 0.0, m[_USED : _USED + 2]
+    for i in range(2):
+        goal, rate = 0.0, m[_FADES_OUT]
+        if acts and (has_f_n if i == 0 else has_f_p) != 0:
+            goal, rate = f_n if i == 0 else f_p, m[_FADES_IN + i]
+        used[i] += rate * (goal - used[i])
+    if is_read != 0:
+        m[_PRESSURE] = pressure
+    in_superheat = _superheat_fault(curve, m[_PRESSURE], used[1]) if curve.size > 0 else 0.0
+    end, sizes = _VECTORS + n + 3, (2 * (n + 3), n * (n + 3))
+    known, after, first = m[_VECTORS:end], m[end : end + n], end + n
+    known[n], known[n + 1], known[n + 2] = used[1], in_superheat, _shift(m, used[0])
+    multiply(m[first : first + sizes[0]], known, m[_Q : _Q + 2])
+    multiply(m[first + sizes[0] : first + sizes[0] + sizes[1]], known, after)
+    for i in range(n):
+        known[i] = after[i]
+    speed_stops = not m[_LOWEST] < m[_COMMAND] < m[_HIGHEST]
+    valve_stops = not m[_LOWEST + 1] < m[_COMMAND + 1] < m[_HIGHEST + 1]
+    m[_LIMITED] = 1.0 if acts and has_f_n != 0 and speed_stops else 0.0
+    at_limit = speed_stops or valve_stops  # there errors grow with any control
+    if is_wanted != 0 and is_read != 0 and not at_limit:
+        errors = wanted_pressure - pressure + used[1], wanted_superheat - superheat + in_superheat
+        _watch(m, has_f_n + has_f_p != 0, abs(errors[0]) / ERROR_UNIT[0] + abs(errors[1]) / ERROR_UNIT[1])
 
 
 @dataclass(frozen=True)
@@ -76,6 +143,9 @@ class EnvelopeCompensatorDesign(ControllerDesign):
         EnvelopeCompensator(self).step((1.0, 1e3), one, other, TYPICAL, TYPICAL)
 
 
+_STATE = ("_state", "_used", "_watch", "_seen")
+
+
 class EnvelopeCompensator:
     """States of both factors, the fades, the watch, and the step.
 
@@ -89,38 +159,33 @@ class EnvelopeCompensator:
     def __init__(self, design: EnvelopeCompensatorDesign, accommodate: bool = True) -> None:
         self.design = design
         self.accommodate = accommodate
-        k0 = design
-        n = len(k0.phi)
-        self._in = np.zeros(n + 3)
-        self._state, self._inputs = self._in[:n], self._in[n:]
-        self._output = np.ascontiguousarray(np.hstack([k0.c, k0.d, [[1.0], [0.0]]]))
-        self._update = np.ascontiguousarray(np.hstack([k0.phi, k0.gamma[:, :2], -k0.gamma[:, 2:3]]))
-        self._lowest: list[float] = k0.command_min.tolist()
-        self._highest: list[float] = k0.command_max.tolist()
-        self._used = [0.0, 0.0]  # of f_N and f_p, after the fades
-        self._command: list[float] = k0.command_rest.tolist()  # as it was last sent
-        self._pressure = TYPICAL[0]  # as it last read
-        step = k0.sample_time_s
-        fade_in, self._fades_out, self._averages = (
-            -math.expm1(-step / time) for time in (design.fade_in_s, design.fade_out_s, design.watch_s)
+        n = self._n = len(design.phi)
+        output = columns_of(np.hstack([design.c, design.d, [[1.0], [0.0]]]))
+        update = columns_of(np.hstack([design.phi, design.gamma[:, :2], -design.gamma[:, 2:3]]))
+        m = self._memory = np.concatenate([np.zeros(_VECTORS + 2 * n + 3), output, update])
+        fade_in, m[_FADES_OUT], m[_AVERAGES] = (
+            -math.expm1(-design.sample_time_s / time) for time in (design.fade_in_s, design.fade_out_s, design.watch_s)
         )
-        self._fades_in = (fade_in, 1.0)
-        self._average, self._allowed = 0.0, design.healthy + design.harmful
-        self._withdrawn = False
-        self._is_limited = False
+        m[_FADES_IN : _FADES_IN + 2] = fade_in, 1.0
+        m[_LOWEST : _LOWEST + 2], m[_HIGHEST : _HIGHEST + 2] = design.command_min, design.command_max
+        m[_HEALTHY], m[_HARMFUL], m[_ALLOWED] = design.healthy, design.harmful, design.healthy + design.harmful
+        m[_REST], m[_CURVATURE] = design.command_rest[0], design.curvature[0]
+        m[_COMMAND : _COMMAND + 2], m[_PRESSURE] = design.command_rest, TYPICAL[0]
+        self._curve = saturation_curve() if design.derived > 0.5 else np.empty(0)
+        self._q, self._state, self._command = m[_Q : _Q + 2], m[_VECTORS : _VECTORS + n], m[_COMMAND:_PRESSURE]
+        self._used, self._watch, self._seen = m[_USED:_AVERAGE], m[_AVERAGE:_COMMAND], m[_COMMAND : _PRESSURE + 1]
 
     @property
     def does(self) -> str:
         """What of a fault is not accommodated, and why; empty when all is, or nothing is isolated."""
         if not self.accommodate:
             return ""
-        return HARMFUL if self._withdrawn else AT_LIMIT if self._is_limited else ""
+        m = self._memory
+        return HARMFUL if m[_WITHDRAWN] else AT_LIMIT if m[_LIMITED] else ""
 
     def state(self) -> dict[str, Any]:
         """Return what a compensator that takes this one's place has to know, fit for JSON; between two ticks."""
-        watch = [self._average, self._allowed, float(self._withdrawn)]
-        seen = [*self._command, self._pressure]
-        return {"_state": self._state.tolist(), "_used": list(self._used), "_watch": watch, "_seen": seen}
+        return {name: getattr(self, name).tolist() for name in _STATE}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Take the place of the compensator whose `state` this is.
@@ -131,21 +196,16 @@ class EnvelopeCompensator:
             When it is none of a compensator of this design.
         """
         try:
-            own = same_shape(state["_state"], self._state)
-            f_n, f_p = (float(value) for value in state["_used"])
-            average, allowed, withdrawn = (float(value) for value in state["_watch"])
-            speed, opening, pressure = (float(value) for value in state["_seen"])
+            own = {name: same_shape(state[name], getattr(self, name)) for name in _STATE}
         except (KeyError, TypeError, ValueError) as problem:
             msg = f"not the state of such a compensator: {type(problem).__name__} {problem}"
             raise ValueError(msg) from None
-        self._state[:] = own
-        self._used[:] = f_n, f_p
-        self._average, self._allowed, self._withdrawn = average, allowed, bool(withdrawn)
-        self._command, self._pressure = [speed, opening], pressure
+        for name, values in own.items():
+            getattr(self, name)[:] = values
 
     def commanded(self, command: Signal) -> None:
         """Take note of the command [rad/s, 0..1] that was sent in this tick."""
-        self._command = [float(command[0]), float(command[1])]
+        self._command[:] = command
 
     def warm_restart(
         self,
@@ -186,47 +246,13 @@ class EnvelopeCompensator:
         ndarray, shape (2,)
             q in the command's coordinates [rad/s, 0..1].
         """
-        active = [kind in (isolated, also_isolated) for kind in ISOLABLE_KINDS]
-        acts, used = self.accommodate and not self._withdrawn, self._used
-        for i, estimate in enumerate(estimates):
-            goal, rate = (estimate, self._fades_in[i]) if active[i] and acts else (0.0, self._fades_out)
-            used[i] += rate * (goal - used[i])
-        f_n, f_p = used
-        if measured is not None:
-            self._pressure = float(measured[0])
-        in_superheat = _superheat_fault(self._pressure, f_p) if self.design.derived > 0.5 else 0.0
-        inputs = self._inputs
-        inputs[0], inputs[1], inputs[2] = f_p, in_superheat, self._shift(self._command[0], f_n)
-        q: Vector = self._output @ self._in
-        self._state[:] = self._update @ self._in
-        speed_stops, valve_stops = (
-            not low < now < high for low, now, high in zip(self._lowest, self._command, self._highest, strict=True)
-        )
-        self._is_limited = acts and active[0] and speed_stops
-        at_limit = speed_stops or valve_stops  # there errors grow with any control
-        if reference is not None and measured is not None and not at_limit:
-            errors = (reference[0] - measured[0] + f_p, reference[1] - measured[1] + in_superheat)
-            self._watch(any(active), abs(errors[0]) / ERROR_UNIT[0] + abs(errors[1]) / ERROR_UNIT[1])
-        return q
-
-    def _shift(self, speed: float, f_n: float) -> float:
-        """Return what takes f_N off the coordinate of the speed."""
-        if f_n == 0.0:
-            return 0.0
-        k0 = self.design
-        sent, turning = np.array([speed, 0.0]), np.array([max(speed + f_n, 0.0), 0.0])
-        return float((k0.coordinates(sent) - k0.coordinates(turning))[0])
-
-    def _watch(self, is_active: bool, error: float) -> None:
-        """Withdraw what seems to do harm, until the fault is no longer isolated."""
-        self._average += self._averages * (error - self._average)
-        if not is_active:
-            self._allowed, self._withdrawn = max(self._average, self.design.healthy) + self.design.harmful, False
-        elif self._average > self._allowed:
-            self._withdrawn = True
-
-
-def _superheat_fault(reading_pa: float, f_p: float) -> float:
-    """Return what f_p [Pa] adds to a superheat [K] derived from a pressure that reads `reading_pa` [Pa]."""
-    actual = max(reading_pa - f_p, LEAST_PRESSURE_PA)
-    return saturation_temperature(actual) - saturation_temperature(max(reading_pa, LEAST_PRESSURE_PA))
+        f_n, f_p = estimates
+        has_f_n, has_f_p = (int(kind in (isolated, also_isolated)) for kind in ISOLABLE_KINDS)
+        nothing = (0, 0.0, 0.0)
+        is_read, p_e, sh = nothing if measured is None else (1, float(measured[0]), float(measured[1]))
+        is_wanted, pressure, superheat = nothing if reference is None else (1, float(reference[0]), float(reference[1]))
+        _accommodate(
+            self._memory, self._curve, self._n, float(f_n), float(f_p), has_f_n, has_f_p, int(self.accommodate),
+            is_read, p_e, sh, is_wanted, pressure, superheat,
+        )  # fmt: skip
+        return self._q.copy()

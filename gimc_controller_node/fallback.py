@@ -68,7 +68,7 @@ class FallbackController:
         if self.mode == SAFE:
             self._controller.warm_restart(self._command, measured, reference)
         command = self._controller.step(reference, measured, q)
-        if math.isnan(command[0] + command[1]):  # numbers that overflowed: begin anew from what the actuators do
+        if math.isnan(sum(command.tolist())):  # numbers that overflowed: begin anew from what the actuators do
             return self.on_missed_inputs()
         self.mode = GIMC if q is not None else K0_ALONE
         self._command = command

@@ -10,14 +10,138 @@ The references have passed the governor (`gimc_controller_node.reference_governo
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
-from gimc_controller_node.controller import Command, Controller, ControllerDesign, GimcController, Vector
-from gimc_controller_node.reference_governor import ReferenceGovernor
+from gimc_controller_node.compiled import Array, jit
+from gimc_controller_node.controller import (
+    WANTED,
+    Command,
+    Controller,
+    ControllerDesign,
+    GimcController,
+    Vector,
+    above_rest,
+    coordinate,
+    k0_sent,
+    k0_step,
+)
+from gimc_controller_node.reference_governor import N_GOVERNOR, ReferenceGovernor, pass_on
 
 Q_FADE_S = 0.5
 """Time constant with which q fades out when it stops arriving, and with which it is met again when it is back."""
+
+
+# Layout of what a `LimitedController` remembers, and of what it is made of: pairs for speed and valve, or p_e and SH.
+_LAST, _HELD_BACK, _GOVERNED, _Q, _Q_OFFSET, _LOW, _HIGH, _STRIDE, _CAPS, _REST, _CURVATURE = range(0, 22, 2)
+_SILENT, _MET, _KEEPS, _COST_SPEED, _COST_BOTH, _COST_VALVE = range(22, 28)
+_GOVERNORS = 28
+_N = _GOVERNORS + 2 * N_GOVERNOR
+
+
+@jit
+def _fade(m: Array, arrives: int, speed: float, valve: float) -> None:
+    """Find what is used of q: q itself, but for the fades around a silence."""
+    used, offset, keeps = m[_Q : _Q + 2], m[_Q_OFFSET : _Q_OFFSET + 2], m[_KEEPS]
+    if arrives == 0:
+        used[0], used[1] = keeps * used[0], keeps * used[1]
+        m[_SILENT] = 1.0
+        return
+    if m[_SILENT] != 0.0:  # the first one after a silence
+        m[_SILENT], m[_MET] = 0.0, 1.0
+        offset[0], offset[1] = used[0] - speed, used[1] - valve
+    if m[_MET] != 0.0:
+        offset[0], offset[1] = keeps * offset[0], keeps * offset[1]
+        speed, valve = speed + offset[0], valve + offset[1]
+        m[_MET] = 1.0 if max(abs(offset[0]), abs(offset[1])) > 1e-12 else 0.0
+    used[0], used[1] = speed, valve
+
+
+@jit
+def _before(m: Array, pressure: float, superheat: float, arrives: int, q_speed: float, q_valve: float) -> None:
+    """Find what the controller is given: references and q."""
+    m[_GOVERNED] = pass_on(m[_GOVERNORS : _GOVERNORS + N_GOVERNOR], pressure)
+    m[_GOVERNED + 1] = pass_on(m[_GOVERNORS + N_GOVERNOR : _N], superheat)
+    _fade(m, arrives, q_speed, q_valve)
+
+
+@jit
+def _within(value: float, low: float, high: float) -> float:
+    return min(max(value, low), high)
+
+
+@jit
+def _nearest_in(
+    m: Array, speed: float, valve: float, slowest: float, fastest: float, narrowest: float, widest: float
+) -> tuple[float, float]:
+    """Return the point of the rectangle's edges which is nearest to one outside."""
+    own, both, other = m[_COST_SPEED], m[_COST_BOTH], m[_COST_VALVE]
+    least, best_speed, best_valve = math.inf, math.nan, math.nan
+    for edge in range(4):
+        if edge < 2:
+            there_speed = slowest if edge == 0 else fastest
+            there_valve = _within(valve - both / other * (there_speed - speed), narrowest, widest)
+        else:
+            there_valve = narrowest if edge == 2 else widest
+            there_speed = _within(speed - both / own * (there_valve - valve), slowest, fastest)
+        x, y = there_speed - speed, there_valve - valve
+        cost = own * x * x + 2.0 * both * x * y + other * y * y
+        if cost < least:
+            least, best_speed, best_valve = cost, there_speed, there_valve
+    return best_speed, best_valve
+
+
+@jit
+def _to(m: Array, i: int, command: float) -> float:
+    """Return the coordinate of a command of the i-th joint."""
+    return coordinate(command - m[_REST + i], m[_CURVATURE + i])
+
+
+@jit
+def _nearest(
+    m: Array, speed: float, valve: float, slowest: float, fastest: float, narrowest: float, widest: float
+) -> tuple[float, float]:
+    """Return the command within the limits nearest to the one wanted, which is beyond them: it is on an edge.
+
+    Nearest in the coordinates in which the design is linear.
+    """
+    if m[_CURVATURE] == 0.0 and m[_CURVATURE + 1] == 0.0:
+        return _nearest_in(m, speed, valve, slowest, fastest, narrowest, widest)
+    speeds, valves = (_to(m, 0, slowest), _to(m, 0, fastest)), (_to(m, 1, narrowest), _to(m, 1, widest))
+    x, y = _nearest_in(m, _to(m, 0, speed), _to(m, 1, valve), speeds[0], speeds[1], valves[0], valves[1])
+    speed, valve = above_rest(x, m[_CURVATURE]) + m[_REST], above_rest(y, m[_CURVATURE + 1]) + m[_REST + 1]
+    return _within(speed, slowest, fastest), _within(valve, narrowest, widest)
+
+
+@jit
+def _after(m: Array, speed: float, valve: float) -> None:
+    """Find the command that is sent for the one that the controller wants."""
+    last, low, high, stride = m[_LAST:], m[_LOW:], m[_HIGH:], m[_STRIDE:]
+    slowest, narrowest = max(low[0], last[0] - stride[0]), max(low[1], last[1] - stride[1])
+    fastest, widest = min(high[0], last[0] + stride[0]), min(high[1], last[1] + stride[1])
+    if slowest <= speed <= fastest and narrowest <= valve <= widest:
+        sent_speed, sent_valve = speed, valve
+    else:
+        sent_speed, sent_valve = _nearest(m, speed, valve, slowest, fastest, narrowest, widest)
+    # What a cap takes away the other command must not make up for: the cap is there to change the outputs.
+    sent_speed = max(min(sent_speed, m[_CAPS]), slowest)
+    sent_valve = max(min(sent_valve, m[_CAPS + 1]), narrowest)
+    m[_HELD_BACK] = 1.0 if sent_speed != speed else 0.0
+    m[_HELD_BACK + 1] = 1.0 if sent_valve != valve else 0.0
+    last[0], last[1] = sent_speed, sent_valve
+
+
+@jit
+def _with_k0(
+    m: Array, k0: Array, n: int, pressure: float, superheat: float, read_pressure: float, read_superheat: float,
+    arrives: int, q_speed: float, q_valve: float,
+) -> None:  # fmt: skip
+    """One tick with K0, whose memory is `k0`: what `LimitedController.step` does with any controller."""
+    _before(m, pressure, superheat, arrives, q_speed, q_valve)
+    k0_step(k0, n, m[_GOVERNED] - read_pressure, m[_GOVERNED + 1] - read_superheat, m[_Q], m[_Q + 1])
+    _after(m, k0[WANTED], k0[WANTED + 1])
+    k0_sent(k0, n, m[_LAST], m[_LAST + 1])
 
 
 class LimitedController:
@@ -31,32 +155,37 @@ class LimitedController:
     controller : Controller
     design : ControllerDesign
         Its limits, priority, operating point and sample time are used.
-
-    Attributes
-    ----------
-    at_limit : tuple of bool
-        Whether the last command of compressor and valve was held back by a limit, in size or in rate, or makes up for
-        the other one, which was.
     """
 
     def __init__(self, controller: Controller, design: ControllerDesign) -> None:
         self.design = design
         self._controller = controller
-        self._q, self._q_offset = [0.0, 0.0], [0.0, 0.0]
-        self._q_silent = self._q_met = False
-        self._q_keeps = math.exp(-design.sample_time_s / Q_FADE_S)
-        self._last: list[float] = design.command_rest.tolist()
-        self._low: list[float] = design.command_min.tolist()
-        self._high: list[float] = design.command_max.tolist()
-        self._stride: list[float] = (design.command_rate * design.sample_time_s).tolist()
+        m = self._memory = np.zeros(_N)
+        pairs: dict[int, Any] = {
+            _LAST: design.command_rest, _LOW: design.command_min, _HIGH: design.command_max,
+            _STRIDE: design.command_rate * design.sample_time_s, _CAPS: (math.inf, math.inf),
+            _REST: design.command_rest, _CURVATURE: design.curvature,
+        }  # fmt: skip
+        for at, pair in pairs.items():
+            m[at : at + 2] = pair
+        m[_KEEPS] = math.exp(-design.sample_time_s / Q_FADE_S)
+        (m[_COST_SPEED], m[_COST_BOTH]), (_, m[_COST_VALVE]) = design.priority
+        self._last, self._governed, self._q = (m[at : at + 2] for at in (_LAST, _GOVERNED, _Q))
+        memories = np.split(m[_GOVERNORS:], 2)
         self._governors = [
-            ReferenceGovernor(lead, lag_s, design.sample_time_s)
-            for lead, lag_s in zip(design.lead.tolist(), design.lag_s.tolist(), strict=True)
+            ReferenceGovernor(lead, lag_s, design.sample_time_s, memory)
+            for lead, lag_s, memory in zip(design.lead.tolist(), design.lag_s.tolist(), memories, strict=True)
         ]
-        (self._cost_speed, self._cost_both), (_, self._cost_valve) = design.priority.tolist()
-        self._is_curved = design.is_curved
-        self._caps = (math.inf, math.inf)
-        self.at_limit = (False, False)
+        self._k0 = controller if type(controller) is GimcController else None  # one of a class of its own is not K0
+
+    @property
+    def at_limit(self) -> tuple[bool, bool]:
+        """Whether the last command of compressor and valve was held back, or makes up for the other one, which was.
+
+        By a limit, in size or in rate.
+        """
+        speed, valve = self._memory[_HELD_BACK : _HELD_BACK + 2].tolist()
+        return bool(speed), bool(valve)
 
     def step(self, reference: Vector, measurement: Vector, q: Vector | None) -> Command:
         """Return the command of this tick.
@@ -79,24 +208,17 @@ class LimitedController:
             Compressor speed [rad/s] and valve opening [0..1], within their limits, and within their rates of the
             command before. This is what the plant must get, and what the observer must be told.
         """
-        wanted_pressure, wanted_superheat = reference.tolist()
-        for_pressure, for_superheat = self._governors
-        governed = np.array([for_pressure.step(wanted_pressure), for_superheat.step(wanted_superheat)])
-        wanted = self._controller.step(governed, measurement[:2], np.array(self._faded(q)))
-        speed, valve = map(float, wanted)
-        last, low, high, stride = self._last, self._low, self._high, self._stride
-        slowest, narrowest = max(low[0], last[0] - stride[0]), max(low[1], last[1] - stride[1])
-        fastest, widest = min(high[0], last[0] + stride[0]), min(high[1], last[1] + stride[1])
-        if slowest <= speed <= fastest and narrowest <= valve <= widest:
-            sent_speed, sent_valve = speed, valve
-        else:
-            sent_speed, sent_valve = self._nearest(speed, valve, (slowest, fastest), (narrowest, widest))
-        # What a cap takes away the other command must not make up for: the cap is there to change the outputs.
-        sent_speed = max(min(sent_speed, self._caps[0]), slowest)
-        sent_valve = max(min(sent_valve, self._caps[1]), narrowest)
-        self.at_limit = (sent_speed != speed, sent_valve != valve)
-        last[0], last[1] = sent_speed, sent_valve
-        sent = np.array([sent_speed, sent_valve])
+        pressure, superheat = reference.tolist()
+        arrives, q_speed, q_valve = (0, 0.0, 0.0) if q is None else (1, *q.tolist())
+        m, k0 = self._memory, self._k0
+        if k0 is not None:
+            p_e, sh, *_ = measurement.tolist()
+            _with_k0(m, k0.memory, k0.n_states, pressure, superheat, p_e, sh, arrives, q_speed, q_valve)
+            return self._last.copy()
+        _before(m, pressure, superheat, arrives, q_speed, q_valve)
+        wanted = self._controller.step(self._governed.copy(), measurement[:2], self._q.copy())
+        _after(m, float(wanted[0]), float(wanted[1]))
+        sent = self._last.copy()
         self._controller.sent(sent)
         return sent
 
@@ -105,15 +227,16 @@ class LimitedController:
 
         A cap below the last command is met at the command's greatest rate.
         """
-        self._caps = (speed_rad_s, opening)
+        self._memory[_CAPS], self._memory[_CAPS + 1] = speed_rad_s, opening
 
     def drive(self, speed_rad_s: float) -> None:
         """Take the compressor's speed as given from now on: an engine turns it, and only the valve is commanded.
 
         Cap and rate of the speed have no say then; the command states the speed that there is.
         """
-        self._low[0] = self._high[0] = speed_rad_s
-        self._stride[0] = math.inf
+        m = self._memory
+        m[_LOW] = m[_HIGH] = speed_rad_s
+        m[_STRIDE] = math.inf
 
     def warm_restart(self, command: Command, measurement: Vector, reference: Vector) -> None:
         """Take over from whatever moves the actuators now, without a jump.
@@ -145,62 +268,11 @@ class LimitedController:
         if not (np.isfinite(sent).all() and np.isfinite(governed - measured).all()):
             raise ValueError(f"cannot go on from command {command}, measured {measurement}, reference {reference}")
         self._controller.warm_restart(sent, measured, governed)
-        self._last[:] = sent.tolist()
-        self._q[:] = self._q_offset[:] = [0.0, 0.0]
-        self._q_silent = True
-
-    def _nearest(
-        self, speed: float, valve: float, speeds: tuple[float, float], valves: tuple[float, float]
-    ) -> tuple[float, float]:
-        """Return the command within the limits nearest to the one wanted, which is beyond them: it is on an edge.
-
-        Nearest in the coordinates in which the design is linear.
-        """
-        if self._is_curved:
-            to, low, high = self.design.coordinates, *np.transpose([speeds, valves])
-            (x, y), least, most = (to(np.array(one)).tolist() for one in ((speed, valve), low, high))
-            nearest = self._nearest_in(x, y, (least[0], most[0]), (least[1], most[1]))
-            sent = np.clip(self.design.command_at(np.array(nearest)), low, high)
-            return float(sent[0]), float(sent[1])
-        return self._nearest_in(speed, valve, speeds, valves)
-
-    def _nearest_in(
-        self, speed: float, valve: float, speeds: tuple[float, float], valves: tuple[float, float]
-    ) -> tuple[float, float]:
-        own, both, other = self._cost_speed, self._cost_both, self._cost_valve
-        edges = [(edge, _within(valve - both / other * (edge - speed), valves)) for edge in speeds]
-        edges += [(_within(speed - both / own * (edge - valve), speeds), edge) for edge in valves]
-        least, best = math.inf, (math.nan, math.nan)
-        for there in edges:
-            x, y = there[0] - speed, there[1] - valve
-            cost = own * x * x + 2.0 * both * x * y + other * y * y
-            if cost < least:
-                least, best = cost, there
-        return best
-
-    def _faded(self, q: Vector | None) -> list[float]:
-        """Return what is used of q: q itself, but for the fades around a silence."""
-        used, offset, keeps = self._q, self._q_offset, self._q_keeps
-        if q is None:
-            used[0], used[1] = keeps * used[0], keeps * used[1]
-            self._q_silent = True
-            return used
-        speed, valve = q.tolist()
-        if self._q_silent:  # the first one after a silence
-            self._q_silent, self._q_met = False, True
-            offset[0], offset[1] = used[0] - speed, used[1] - valve
-        if self._q_met:
-            offset[0], offset[1] = keeps * offset[0], keeps * offset[1]
-            speed, valve = speed + offset[0], valve + offset[1]
-            self._q_met = max(abs(offset[0]), abs(offset[1])) > 1e-12
-        used[0], used[1] = speed, valve
-        return used
+        self._last[:] = sent
+        self._q[:] = self._memory[_Q_OFFSET : _Q_OFFSET + 2] = 0.0
+        self._memory[_SILENT] = 1.0
 
 
 def limited_k0(design: ControllerDesign) -> LimitedController:
     """Return K0 of a design within the limits of the commands."""
     return LimitedController(GimcController(design), design)
-
-
-def _within(value: float, limits: tuple[float, float]) -> float:
-    return min(max(value, limits[0]), limits[1])

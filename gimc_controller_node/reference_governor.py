@@ -9,6 +9,33 @@ Kolmanovsky 2017, "Reference and command governors for systems with constraints"
 
 import math
 
+import numpy as np
+
+from gimc_controller_node.compiled import Array, jit
+
+# Layout of what a `ReferenceGovernor` remembers, nan when it is not known yet, and of what it is made of.
+_EXPECTED, _LEAD, _PART = range(3)
+N_GOVERNOR = 3
+
+
+@jit
+def governed(m: Array, reference: float) -> float:
+    """As `ReferenceGovernor.governed`, on its memory."""
+    ahead = reference - m[_EXPECTED]
+    if not abs(ahead) > m[_LEAD]:
+        return reference
+    passed: float = m[_EXPECTED] + math.copysign(m[_LEAD], ahead)
+    return passed
+
+
+@jit
+def pass_on(m: Array, reference: float) -> float:
+    """As `ReferenceGovernor.step`, on its memory."""
+    passed = governed(m, reference)
+    expected = passed if math.isnan(m[_EXPECTED]) else m[_EXPECTED]
+    m[_EXPECTED] = expected + m[_PART] * (passed - expected)
+    return passed
+
 
 class ReferenceGovernor:
     """One reference as K0 is given it, tick by tick; the first tick's is given as it is, unless `start` came before.
@@ -20,27 +47,22 @@ class ReferenceGovernor:
     lag_s : float
         Time constant with which the loop is expected to follow [s].
     sample_time_s : float
+    memory : ndarray, shape (N_GOVERNOR,), optional
+        Where it is to keep what it knows.
     """
 
-    def __init__(self, lead: float, lag_s: float, sample_time_s: float) -> None:
-        self._lead = lead
-        self._share = -math.expm1(-sample_time_s / lag_s)
-        self._expected: float | None = None
+    def __init__(self, lead: float, lag_s: float, sample_time_s: float, memory: Array | None = None) -> None:
+        self._memory = np.empty(N_GOVERNOR) if memory is None else memory
+        self._memory[:] = math.nan, lead, -math.expm1(-sample_time_s / lag_s)
 
     def start(self, output: float) -> None:
         """Begin anew with the loop at this output [Pa or K]."""
-        self._expected = output
+        self._memory[_EXPECTED] = output
 
     def governed(self, reference: float) -> float:
         """Return what K0 is to be given for this reference now; nothing moves on."""
-        expected = self._expected
-        if expected is None or not abs(reference - expected) > self._lead:
-            return reference
-        return expected + math.copysign(self._lead, reference - expected)
+        return governed(self._memory, reference)
 
     def step(self, reference: float) -> float:
         """Return what K0 is to be given, and go on to the next tick."""
-        passed = self.governed(reference)
-        expected = passed if self._expected is None else self._expected
-        self._expected = expected + self._share * (passed - expected)
-        return passed
+        return pass_on(self._memory, reference)

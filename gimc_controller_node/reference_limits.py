@@ -6,7 +6,8 @@ The refrigerant cannot leave the evaporator warmer than the air that enters it, 
 
 import math
 
-from ac_plant_node.saturation import saturation_slope, saturation_temperature
+from ac_plant_node.saturation import saturation_curve, slope_on, temperature_on
+from gimc_controller_node.compiled import Array, jit
 from gimc_controller_node.controller import NO_APPROACH_K
 from gimc_controller_node.protection import ProtectionLimits
 
@@ -29,6 +30,7 @@ class ReferenceLimits:
         pressure, superheat = limits.lowest_reference.tolist()
         self._lowest = (pressure, superheat)
         self._approach_k = approach_k
+        self._curve = saturation_curve() if approach_k > NO_APPROACH_K else None
         self._raised = f"reference too low: raised to {pressure / 1e3:g} kPa, {superheat:g} K at least"
 
     def bounded(
@@ -44,28 +46,29 @@ class ReferenceLimits:
             None: it is not known, and bounds nothing.
         """
         lowest_pressure, driest = self._lowest
-        texts = []
+        texts: tuple[str, ...] = ()
         if pressure < lowest_pressure or superheat < driest:
             pressure, superheat = max(pressure, lowest_pressure), max(superheat, driest)
-            texts.append(self._raised)
-        if air_inlet_temperature_c is not None and self._approach_k > NO_APPROACH_K:
+            texts = (self._raised,)
+        if air_inlet_temperature_c is not None and self._curve is not None:
             outlet = air_inlet_temperature_c + _ZERO_C - self._approach_k
-            highest = outlet - saturation_temperature(pressure)
+            highest = outlet - temperature_on(self._curve, pressure)
             if highest < driest and pressure > lowest_pressure:
-                pressure = max(_pressure_at(outlet - driest, pressure), lowest_pressure)
+                pressure = max(_pressure_at(self._curve, outlet - driest, pressure), lowest_pressure)
                 highest = driest
-                texts.append(TOO_WARM)
+                texts += (TOO_WARM,)
             if superheat > max(highest, driest):
                 superheat = max(highest, driest)
-                texts.append(TOO_DRY)
-        return pressure, superheat, "; ".join(texts)
+                texts += (TOO_DRY,)
+        return pressure, superheat, "; ".join(texts) if texts else ""
 
 
-def _pressure_at(temperature: float, above: float) -> float:
+@jit
+def _pressure_at(curve: Array, temperature: float, above: float) -> float:
     """Return the saturation pressure [Pa] at `temperature` [K], by Newton's method in ln p from a pressure above."""
     logarithm = math.log(above)
     for _ in range(4):
         pressure = math.exp(logarithm)
-        off = saturation_temperature(pressure) - temperature
-        logarithm -= off / (saturation_slope(pressure) * pressure)
+        off = temperature_on(curve, pressure) - temperature
+        logarithm -= off / (slope_on(curve, pressure) * pressure)
     return math.exp(logarithm)
