@@ -16,8 +16,11 @@ from numpy.typing import NDArray
 
 from ac_common.arrays import Arrays, same_shape
 from ac_common.fdi_status import StatusRow
+from ac_common.products import columns_of, multiply
 from ac_common.signals import Innovation
+from fdi_node.compiled import Array, jit
 from fdi_node.decision import Decision, JumpRule, Supervision
+from fdi_node.state_machine import N_RESIDUALS, RATIOS, conclude
 
 Vector = NDArray[np.float64]
 #: A named signal, or an array of its values.
@@ -120,6 +123,42 @@ _INPUT_SIZES = np.array([4.0, 0.01, 1.0, 1000.0, 1.0, 0.5])
 """By how much the observer's inputs may be off in a run under way: rad/s, 0..1, K, Pa, K, K."""
 
 
+# Layout of what a detector remembers, and of what it is made of: inputs and outputs at the operating point, thresholds,
+# then [f_e; r; eta+], [xi, u, T_ea, y, eta], xi+, and both matrices.
+_REST, _THRESHOLDS, _SEEN = 0, 6, 6 + N_RESIDUALS
+_N_SHOWN = 3 + N_RESIDUALS
+
+
+@jit
+def _observe(
+    m: Array, decision: Array, n: int, k: int, time_s: float, p_e: float, superheat: float, wall: float, air_c: float
+) -> int:
+    """One tick of an observer with n states and a filter with k; returns as `fdi_node.state_machine.conclude`."""
+    size, first = _N_SHOWN + k, _SEEN + _N_SHOWN + k
+    end = first + n + 6 + k
+    seen, known, matrix = m[_SEEN:first], m[first:end], end + n
+    known[n + 2], known[n + 3] = air_c - m[_REST + 2], p_e - m[_REST + 3]
+    known[n + 4], known[n + 5] = superheat - m[_REST + 4], wall - m[_REST + 5]
+    multiply(m[matrix : matrix + size * (n + 6 + k)], known, seen)
+    for i in range(k):
+        known[n + 6 + i] = seen[_N_SHOWN + i]
+    for i in range(N_RESIDUALS):
+        decision[RATIOS + i] = abs(seen[3 + i]) / m[_THRESHOLDS + i]
+    return conclude(decision, time_s, p_e, superheat, wall)
+
+
+@jit
+def _advance(m: Array, n: int, k: int, speed: float, valve: float) -> None:
+    """Let the observer move on to the next tick with the command that was sent."""
+    first = _SEEN + _N_SHOWN + k
+    end = first + n + 6 + k
+    known, after, matrix = m[first : first + n + 6], m[end : end + n], end + n + (_N_SHOWN + k) * (n + 6 + k)
+    known[n], known[n + 1] = speed - m[_REST], valve - m[_REST + 1]
+    multiply(m[matrix : matrix + n * (n + 6)], known, after)
+    for i in range(n):
+        known[i] = after[i]
+
+
 class FaultDetector:
     """State of the observer, the isolation filter and the decision.
 
@@ -131,21 +170,18 @@ class FaultDetector:
 
     def __init__(self, design: FdiDesign) -> None:
         self.design = design
-        n, m = len(design.a), len(design.h_a)
-        self._in = np.zeros(n + 6 + m)
-        self._observer, self._known, self._filter = self._in[:n], self._in[: n + 6], self._in[n + 6 :]
-        self._command, self._deviation = self._in[n : n + 2], self._in[n + 3 : n + 6]
-        self._air = n + 2
+        n, k = self._sizes = len(design.a), len(design.h_a)
         self._used = np.diag(design.c.any(axis=1).astype(np.float64))  # of the sensors
         to_innovation = np.hstack([design.c, np.zeros((3, 3)), -self._used])  # of [xi, u, T_ea, y]
         through = np.vstack([np.eye(3), design.h_d, design.h_b])
-        own = np.vstack([np.zeros((3, m)), design.h_c, design.h_a])
-        self._observe = np.ascontiguousarray(np.hstack([through @ to_innovation, own]))
-        self._advance = np.ascontiguousarray(np.hstack([design.a, design.b]))
-        self._seen, self._next = np.zeros(5 + m), np.zeros(n)
-        self._shown, self._filter_next = self._seen[:5], self._seen[5:]
-        self._output_rest: list[float] = design.output_rest.tolist()
-        self._command_rest, self._air_rest = design.input_rest[:2], float(design.input_rest[2])
+        own = np.vstack([np.zeros((3, k)), design.h_c, design.h_a])
+        observe, advance = np.hstack([through @ to_innovation, own]), np.hstack([design.a, design.b])
+        constants = [design.input_rest, design.output_rest, design.thresholds]
+        vectors = np.zeros(_N_SHOWN + k + n + 6 + k + n)
+        self._memory = np.concatenate([*constants, vectors, columns_of(observe), columns_of(advance)])
+        first = _SEEN + _N_SHOWN + k
+        self._shown, self._in = self._memory[_SEEN : _SEEN + _N_SHOWN], self._memory[first : first + n + 6 + k]
+        self._observer, self._filter = self._in[:n], self._in[n + 6 :]
         self._thresholds: tuple[float, ...] = tuple(design.thresholds.tolist())
         used = design.c.any(axis=1).tolist()
         self._decision = Decision(design.supervision, _jumps_of(design.jump_rule, used), design.sample_time_s)
@@ -236,18 +272,14 @@ class FaultDetector:
             Evaporator pressure [Pa], superheat [K], wall temperature [degC].
         air_inlet_temperature_c : float
         """
-        deviation, at_rest = self._deviation, self._output_rest
-        p_e, superheat, wall = measured  # a tuple is faster number by number
-        deviation[0], deviation[1], deviation[2] = p_e - at_rest[0], superheat - at_rest[1], wall - at_rest[2]
-        self._in[self._air] = air_inlet_temperature_c - self._air_rest
-        np.dot(self._observe, self._in, out=self._seen)
-        self._filter[:] = self._filter_next
+        n, k = self._sizes
+        p_e, superheat, wall = measured
+        changes = _observe(
+            self._memory, self._decision.memory, n, k, time_s, p_e, superheat, wall, air_inlet_temperature_c
+        )
         seen = self._shown.tolist()
         residual = tuple(seen[3:])
-        ratios = [abs(one) / threshold for one, threshold in zip(residual, self._thresholds, strict=True)]
-        detected, isolated, number, onset_s, isolated_s, also = self._decision.step(
-            time_s, ratios, p_e, superheat, wall
-        )
+        detected, isolated, number, onset_s, isolated_s, also = self._decision.concluded(changes)
         size = residual[number] if number >= 0 else math.nan
         innovation = Innovation(*seen[:3])
         return Detection(innovation, residual, self._thresholds, detected, isolated, size, onset_s, isolated_s, also)
@@ -257,9 +289,7 @@ class FaultDetector:
 
         Must be called once after each `observe`: the observer moves on to the next tick here.
         """
-        np.subtract(command, self._command_rest, out=self._command)
-        np.dot(self._advance, self._known, out=self._next)
-        self._observer[:] = self._next
+        _advance(self._memory, *self._sizes, *command)
 
 
 def _jumps_of(rule: JumpRule, used: Sequence[bool]) -> JumpRule:
