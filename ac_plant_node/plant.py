@@ -12,6 +12,7 @@ from ac_common.signals import Performance
 from ac_plant_node.dynamics import balances, integrator, workspace
 from ac_plant_node.dynamics.drive import OPENING, VALVE, default_held, outlet_air
 from ac_plant_node.dynamics.moist_air import relative_humidity
+from ac_plant_node.dynamics.telling import N_OUTPUTS, N_TOLD, run_and_tell
 from ac_plant_node.equilibrium import OperatingPoint, operating_point
 from ac_plant_node.inputs import (
     FAULT_HIGH,
@@ -31,9 +32,6 @@ from ac_plant_node.properties.tables import load_tables
 from ac_plant_node.valve_actuator import LONGEST_STEP_S, valve_motion
 
 _FINITE = f"plant inputs must be {N_PAPER} to {N_INPUTS} finite numbers: {'; '.join(row.meaning for row in INPUTS)}"
-_PERFORMANCE = np.array(
-    [balances.Q_AIR_E, balances.LATENT, balances.WATER, balances.FROST, balances.POWER, balances.SUBCOOLING]
-)
 _LEFT = "the plant left its model's domain: pressure outside the property tables"
 
 
@@ -112,6 +110,7 @@ class Plant:
         self._array = integrator.new_work(state, tolerance)
         self._work = workspace.views(self._array)
         self._aux = self._work.aux
+        self._results = np.zeros(N_TOLD)
         self._has_left = False
         self._told = default_held(self._parameters)
         self._actuator: NDArray[np.float64] | None = None  # while the valve's actuator is healthy
@@ -134,7 +133,7 @@ class Plant:
     def copy(self) -> "Plant":
         """Return a second plant in the same state, independent of this one."""
         other = copy(self)
-        other._array, other._told = self._array.copy(), self._told.copy()
+        other._array, other._told, other._results = self._array.copy(), self._told.copy(), self._results.copy()
         other._work = workspace.views(other._array)
         other._aux = other._work.aux
         return other
@@ -178,15 +177,14 @@ class Plant:
         return self._run(told, float(duration_s))
 
     def _run(self, held: NDArray[np.float64], duration_s: float) -> NDArray[np.float64]:
-        outputs = np.empty(4)
-        status = integrator.run(self._array, self._par, self._tab, held, duration_s, outputs)
+        status = run_and_tell(self._array, self._par, self._tab, held, duration_s, self._results)
         if status == integrator.NOT_FINITE:
             self._told[:N_INPUTS] = self._work.held[:N_INPUTS]  # as if they had never been told
             raise ValueError(_FINITE)
         if status == integrator.OUTSIDE:
             self._has_left = True
             raise ValueError(_LEFT)
-        return outputs
+        return self._results[:N_OUTPUTS].copy()
 
     def _step_of_faulty_valve(
         self, told: NDArray[np.float64], duration_s: float, actuator: NDArray[np.float64]
@@ -264,10 +262,7 @@ class Plant:
     @property
     def performance(self) -> Performance:
         """Return the part of `outputs` that a run records at every tick, SI; faster than all of them."""
-        a, k = self._aux, self._work
-        air_c, _ = outlet_air(k.drive, self._par, a[balances.Q_AIR_E], a[balances.WATER], a[balances.DRAINED])
-        cooling, latent, water, frost, power, subcooling = a[_PERFORMANCE].tolist()
-        return Performance(cooling, latent, water, frost, power, air_c, subcooling)
+        return Performance(*self._results[N_OUTPUTS:].tolist())
 
     @property
     def inputs(self) -> NDArray[np.float64]:
