@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from operator import attrgetter
+from struct import Struct
 from typing import Any
 
 import numpy as np
@@ -99,12 +100,13 @@ def simulate(
     loop = _Loop(scenario, designs or designs_of(scenario), accommodate=not passive)
     plan, ticks = loop.schedule, scenario.ticks
     keys = _MADE if scenario.car is None else (*_MADE, *CABIN_SERIES)
-    made = np.empty((ticks, len(keys)))
+    made, row = np.empty((ticks, len(keys))), Struct(f"{len(keys)}d")
     times, faults, air, stuck = plan.time_s.tolist(), plan.faults.tolist(), plan.air.tolist(), plan.stuck.tolist()
     car = plan.car.tolist()
     started = time.perf_counter()
     for k, reference in enumerate(plan.reference):
-        made[k] = loop.tick(times[k], reference, loop.stick(air[k], faults[k], stuck[k]), car[k])
+        values = loop.tick(times[k], reference, loop.stick(air[k], faults[k], stuck[k]), car[k])
+        row.pack_into(made, k * row.size, *values)  # faster than an assignment
         try:
             loop.advance(air[k], car[k])
         except ValueError as problem:
