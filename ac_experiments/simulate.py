@@ -8,7 +8,7 @@ same numbers.
 import time
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 from struct import Struct
 from typing import Any
 
@@ -61,7 +61,7 @@ _MADE = (
     *(truth_of(fault.kind) for fault in STICKING),
 )
 _INLET = COMPONENT_KINDS.index(INLET_SENSOR)
-_STICKING = tuple(KINDS.index(fault.kind) for fault in STICKING)
+_sticking = itemgetter(*(KINDS.index(fault.kind) for fault in STICKING))
 
 
 def simulate(
@@ -170,7 +170,8 @@ class _Loop:
         self._reading = np.empty(len(Innovation._fields))
         self._components_of = components
         self._injector = FaultInjector(scenario.noise.std, scenario.noise.seed, scenario.superheat_sensor)
-        self._detector, self._told = make_detector(designs.fdi)
+        self._detector, told = make_detector(designs.fdi)
+        self._readings, self._inlets = told.readings, told.inlets
         self._compensator, kind = make_compensator(designs.compensator, accommodate)
         self._signal = attrgetter(kind.reads)
         self._controller = make_controller(
@@ -194,22 +195,23 @@ class _Loop:
         """Go around the loop once; return the values of `_MADE`, and with a car those of `CABIN_SERIES`."""
         outputs, air_inlet_c = self._outputs, self._air_inlet_c + self._components[_INLET]
         measured = self._injector.measure(outputs, faults)
-        readings, inlets = measured[: self._told.readings], (air_inlet_c, self._condenser_inlet_c)[: self._told.inlets]
-        found = self._detector.observe(time_s, readings, *inlets)
-        signal, wanted = self._signal(found), reference.tolist()
-        q = self._compensator.step(signal, found.isolated, found.also_isolated, wanted, measured)
+        inlets = (air_inlet_c, self._condenser_inlet_c)[: self._inlets]
+        found = self._detector.observe(time_s, measured[: self._readings], *inlets)
+        q = self._compensator.step(
+            self._signal(found), found.isolated, found.also_isolated, reference.tolist(), measured
+        )
         reading = self._reading
         reading[0], reading[1], reading[2] = measured[:3]
         if car:
             self._controller.drive(CarSide(*car).belt_speed)
         command = self._controller.step(reference, reading, q, air_inlet_c)
-        self._detector.commanded(command)
-        self._compensator.commanded(command)
+        commanded = command.tolist()
+        self._detector.commanded(commanded)
+        self._compensator.commanded(commanded)
         if self._compensator.does != self._does[COMPENSATOR]:
             self._announce(time_s, COMPENSATOR, self._compensator.does)
         if self._controller.does != self._does[CONTROLLER]:
             self._announce(time_s, CONTROLLER, self._controller.does)
-        commanded = command.tolist()
         actuator = self._injector.actuate(commanded, faults)
         self._inputs[0], self._inputs[1] = actuator
         if faults != self._faults:
@@ -220,9 +222,9 @@ class _Loop:
         self.status.append(found.status(time_s))
         seen = (*measured, *found.innovation, *found.residual)
         told = (air_inlet_c, self._condenser_inlet_c, *self._plant.performance)
-        off = [faults[number] for number in _STICKING]
         cabin = () if self._car is None else self._car.cabin
-        return (*outputs, *told, *seen, *q.tolist(), *commanded, *actuator, *self._components, *off, *cabin)
+        acted = (*q.tolist(), *commanded, *actuator)
+        return (*outputs, *told, *seen, *acted, *self._components, *_sticking(faults), *cabin)
 
     def advance(self, air: Sequence[float], car: Sequence[float]) -> None:
         """Let the plant run on to the next tick with the actuators as they are; raises ValueError when it cannot."""

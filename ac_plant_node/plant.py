@@ -177,14 +177,14 @@ class Plant:
         return self._run(told, float(duration_s))
 
     def _run(self, held: NDArray[np.float64], duration_s: float) -> NDArray[np.float64]:
-        status = run_and_tell(self._array, self._par, self._tab, held, duration_s, self._results)
+        status = run_and_tell(self._array, self._par, *self._tab, held, duration_s, self._results)
+        if status == 0:
+            return self._results[:N_OUTPUTS].copy()
         if status == integrator.NOT_FINITE:
             self._told[:N_INPUTS] = self._work.held[:N_INPUTS]  # as if they had never been told
             raise ValueError(_FINITE)
-        if status == integrator.OUTSIDE:
-            self._has_left = True
-            raise ValueError(_LEFT)
-        return self._results[:N_OUTPUTS].copy()
+        self._has_left = True
+        raise ValueError(_LEFT)
 
     def _step_of_faulty_valve(
         self, told: NDArray[np.float64], duration_s: float, actuator: NDArray[np.float64]

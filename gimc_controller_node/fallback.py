@@ -37,6 +37,7 @@ class FallbackController:
         self._controller = controller
         self._limits = limits or ProtectionLimits()
         self.protection: Protection = IDLE
+        self._lowest = self._limits.lowest_pressure_pa, self._limits.lowest_superheat_k
         self._references = ReferenceLimits(self._limits, controller.design.approach_k)
         self.bound = ""
         self._command = controller.design.command_rest.copy()
@@ -54,17 +55,12 @@ class FallbackController:
     ) -> Command:
         """Return the command of a tick with references and measurements; what may be None is missing."""
         wanted_pressure, wanted_superheat = reference.tolist()
-        *within, self.bound = self._references.bounded(wanted_pressure, wanted_superheat, air_inlet_temperature_c)
-        if self.bound:
-            reference = np.array(within)
-        pressure, superheat, *_ = measured.tolist()
-        speed, opening = self._command.tolist()
-        protection = protect(
-            self.protection, (pressure, superheat), (speed, opening), self._limits, self._sample_time_s
+        pressure, superheat, self.bound = self._references.bounded(
+            wanted_pressure, wanted_superheat, air_inlet_temperature_c
         )
-        if protection is not self.protection:
-            self.protection = protection
-            self._controller.cap(protection.speed.value, protection.opening.value)
+        if self.bound:
+            reference = np.array([pressure, superheat])
+        self._protect(*measured[:2].tolist())
         if self.mode == SAFE:
             self._controller.warm_restart(self._command, measured, reference)
         command = self._controller.step(reference, measured, q)
@@ -73,6 +69,18 @@ class FallbackController:
         self.mode = GIMC if q is not None else K0_ALONE
         self._command = command
         return command
+
+    def _protect(self, pressure: float, superheat: float) -> None:
+        """Move the caps on the command for these readings."""
+        if self.protection is IDLE and pressure >= self._lowest[0] and superheat >= self._lowest[1]:
+            return  # as `protect` would find, in less time
+        speed, opening = self._command.tolist()
+        protection = protect(
+            self.protection, (pressure, superheat), (speed, opening), self._limits, self._sample_time_s
+        )
+        if protection is not self.protection:
+            self.protection = protection
+            self._controller.cap(protection.speed.value, protection.opening.value)
 
     @property
     def does(self) -> str:

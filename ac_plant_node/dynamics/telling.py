@@ -11,13 +11,18 @@ N_OUTPUTS, N_TOLD = 4, 11
 
 
 @jit
-def run_and_tell(work: Array, par: Array, tab: Tables, inputs: Array, duration_s: float, out: Array) -> int:
+def run_and_tell(
+    work: Array, par: Array, sat: Array, vapour: Array, isentrope: Array, liquid: Array, grid: Array,
+    inputs: Array, duration_s: float, out: Array,
+) -> int:  # fmt: skip
     """Do as `ac_plant_node.dynamics.integrator.run`, with the fields of `ac_common.signals.Performance` behind `out`.
 
     Parameters
     ----------
-    work, par, tab, inputs, duration_s
+    work, par, inputs, duration_s
         As there.
+    sat, vapour, isentrope, liquid, grid : array
+        The fields of `Tables`: a tuple of arrays takes longer to hand over than the arrays do.
     out : (N_TOLD,) array
         Results.
 
@@ -26,6 +31,7 @@ def run_and_tell(work: Array, par: Array, tab: Tables, inputs: Array, duration_s
     int
         As there; unless it is 0 the performance stays what it was.
     """
+    tab = Tables(sat, vapour, isentrope, liquid, grid)
     status = run(work, par, tab, inputs, duration_s, out[:N_OUTPUTS])
     if status != 0:
         return status
