@@ -183,7 +183,7 @@ def _filtered(m: Array, n: int, forgets: bool, p_e: float, superheat: float, wal
 def _compensate(
     m: Array, n: int, p_e: float, superheat: float, wall: float, isolated: int, also: int, acts: int, aims: int
 ) -> None:
-    """One tick with f_e: see `Compensator.step`; `isolated` and `also` by `_NUMBER`, `aims`: references are known."""
+    """One tick with f_e: see `Compensator.step`; `isolated`, `also`: by `_NUMBER`; `aims`: references are known."""
     stands_back = isolated == _STRANGER
     if stands_back:
         isolated = also = _NOBODY

@@ -1,11 +1,15 @@
 """The controller's and the compensator's steps: limits, anti-windup, handing over."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gimc_controller_node.compensator import Compensator, CompensatorDesign
-from gimc_controller_node.controller import ControllerDesign
-from gimc_controller_node.limited_controller import Q_FADE_S, limited_k0
+from gimc_controller_node.controller import ControllerDesign, GimcController
+from gimc_controller_node.limited_controller import Q_FADE_S, LimitedController, limited_k0
 
 NO_Q = np.zeros(2)
 
@@ -85,6 +89,28 @@ def test_a_controller_that_resumes_begins_with_the_actuators_command() -> None:
     assert controller.step(reference, measured, NO_Q) == pytest.approx([628.0, 0.3], abs=1e-9)
     with pytest.raises(ValueError, match="cannot go on"):
         controller.warm_restart(np.array([np.nan, 0.3]), measured, reference)
+
+
+class OfItsOwnClass(GimcController):
+    """K0, but not known as such: it is asked tick by tick as any controller is."""
+
+
+@given(
+    curvatures=st.tuples(st.sampled_from([0.0, 5e-3]), st.sampled_from([0.0, 2.0])),
+    ticks=st.lists(
+        st.tuples(st.floats(-50.0, 50.0), st.floats(-1.0, 1.0), st.floats(-20.0, 20.0), st.booleans()), max_size=40
+    ),
+)
+def test_k0_in_one_call_is_k0_asked_as_any_controller(
+    curvatures: tuple[float, float], ticks: list[tuple[float, float, float, bool]]
+) -> None:
+    more = {"priority": np.array([[2.0, 0.5], [0.5, 3.0]]), "lead": np.full(2, 10.0)}
+    design = replace(integrators(rate_limit=100.0), curvature=np.array(curvatures), **more)
+    one, other = (LimitedController(kind(design), design) for kind in (GimcController, OfItsOwnClass))
+    for pressure, superheat, speed, arrives in ticks:
+        seen = np.array([pressure, superheat]), np.zeros(3), np.array([speed, 0.1]) if arrives else None
+        np.testing.assert_array_equal(one.step(*seen), other.step(*seen))
+        assert one.at_limit == other.at_limit
 
 
 TICK = np.ones(3)
