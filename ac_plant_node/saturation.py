@@ -6,11 +6,11 @@ from functools import cache
 
 import numpy as np
 
-from ac_common.compiled import Array, compiler
+from ac_common.compiled import Array, step_compiler
 from ac_plant_node.parameters.file import PLANT_VARIABLE, load_parameters
 from ac_plant_node.properties.tables import load_tables
 
-_jit = compiler("ac_plant_node.saturation")
+_jit = step_compiler("ac_plant_node.saturation")
 
 
 @cache

@@ -32,6 +32,7 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
 from ac_common.blas_threads import one_blas_thread
+from ac_common.compiled import interpret_steps
 from ac_common.design_file import DesignKind, loaded
 from ac_common.health import AS_USUAL, HealthPart
 from ac_common.topics import OCCASIONAL, TOPICS, Topic
@@ -323,6 +324,7 @@ def run_node(make: Callable[[], LoopNode]) -> NoReturn:
     # The middleware sees the signal by itself; an exception in the midst of a call into it would be another error.
     signal.signal(signal.SIGINT, lambda *_: None)
     one_blas_thread()
+    interpret_steps()
     end_with_parent()
     made: list[LoopNode] = []
     code = _run(make, made)

@@ -7,12 +7,12 @@ compiled code costs time.
 from collections.abc import Callable
 from typing import Any
 
-from ac_common.compiled import Array, compiler
+from ac_common.compiled import Array, step_compiler
 
 __all__ = ["Array", "jit"]
 
 _MODULES = ("detector", "reading_jumps", "state_machine")
-_compile = compiler("ac_common.products", "ac_common.faults", *(f"fdi_node.{name}" for name in _MODULES))
+_compile = step_compiler("ac_common.products", "ac_common.faults", *(f"fdi_node.{name}" for name in _MODULES))
 
 
 def jit[F: Callable[..., Any]](function: F) -> F:

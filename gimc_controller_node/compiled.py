@@ -7,11 +7,11 @@ to compiled code costs time.
 from collections.abc import Callable
 from typing import Any
 
-from ac_common.compiled import Array, compiler
+from ac_common.compiled import Array, step_compiler
 
 __all__ = ["Array", "jit"]
 
-_compile = compiler("ac_common.products", "ac_plant_node.saturation", "gimc_controller_node")
+_compile = step_compiler("ac_common.products", "ac_plant_node.saturation", "gimc_controller_node")
 
 
 def jit[F: Callable[..., Any]](function: F) -> F:
