@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.arrays import Arrays, same_shape
+from ac_common.compiled import ready
 from ac_common.fdi_status import StatusRow
 from ac_common.products import columns_of, multiply
 from ac_common.signals import Innovation
@@ -170,6 +171,7 @@ class FaultDetector:
 
     def __init__(self, design: FdiDesign) -> None:
         self.design = design
+        self._observe, self._advance = ready(_observe), ready(_advance)
         n, k = self._sizes = len(design.a), len(design.h_a)
         self._used = np.diag(design.c.any(axis=1).astype(np.float64))  # of the sensors
         to_innovation = np.hstack([design.c, np.zeros((3, 3)), -self._used])  # of [xi, u, T_ea, y]
@@ -274,7 +276,7 @@ class FaultDetector:
         """
         n, k = self._sizes
         p_e, superheat, wall = measured
-        changes = _observe(
+        changes = self._observe(
             self._memory, self._decision.memory, n, k, time_s, p_e, superheat, wall, air_inlet_temperature_c
         )
         seen = self._shown.tolist()
@@ -289,7 +291,7 @@ class FaultDetector:
 
         Must be called once after each `observe`: the observer moves on to the next tick here.
         """
-        _advance(self._memory, *self._sizes, *command)
+        self._advance(self._memory, *self._sizes, *command)
 
 
 def _jumps_of(rule: JumpRule, used: Sequence[bool]) -> JumpRule:

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.arrays import Arrays, same_shape
+from ac_common.compiled import ready
 from ac_common.faults import ISOLABLE_KINDS, UNKNOWN
 from ac_common.products import columns_of, multiply
 from ac_common.units import KPA, RPM
@@ -226,6 +227,7 @@ class Compensator:
     def __init__(self, design: CompensatorDesign, accommodate: bool = True) -> None:
         self.design = design
         self.accommodate = accommodate
+        self._compensate = ready(_compensate)
         n = self._n = len(design.a)
         times = (design.handover_time_s, design.fade_time_s, design.washout_time_s)
         hands_over, fades, forgets = (-math.expm1(-design.sample_time_s / time) for time in times)
@@ -338,7 +340,7 @@ class Compensator:
             self._reach.aim(*reference)
         p_e, superheat, wall = innovation
         numbers = _NUMBER[isolated], _NUMBER[also_isolated], int(self.accommodate), int(reference is not None)
-        _compensate(self._memory, self._n, float(p_e), float(superheat), float(wall), *numbers)
+        self._compensate(self._memory, self._n, float(p_e), float(superheat), float(wall), *numbers)
         return self._q.copy()
 
     def commanded(self, command: Signal) -> None:

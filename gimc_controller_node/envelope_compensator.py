@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.arrays import same_shape
+from ac_common.compiled import ready
 from ac_common.faults import ISOLABLE_KINDS
 from ac_common.products import columns_of, multiply
 from ac_common.units import KPA
@@ -159,6 +160,7 @@ class EnvelopeCompensator:
     def __init__(self, design: EnvelopeCompensatorDesign, accommodate: bool = True) -> None:
         self.design = design
         self.accommodate = accommodate
+        self._accommodate = ready(_accommodate)
         n = self._n = len(design.phi)
         output = columns_of(np.hstack([design.c, design.d, [[1.0], [0.0]]]))
         update = columns_of(np.hstack([design.phi, design.gamma[:, :2], -design.gamma[:, 2:3]]))
@@ -251,7 +253,7 @@ class EnvelopeCompensator:
         nothing = (0, 0.0, 0.0)
         is_read, p_e, sh = nothing if measured is None else (1, float(measured[0]), float(measured[1]))
         is_wanted, pressure, superheat = nothing if reference is None else (1, float(reference[0]), float(reference[1]))
-        _accommodate(
+        self._accommodate(
             self._memory, self._curve, self._n, float(f_n), float(f_p), has_f_n, has_f_p, int(self.accommodate),
             is_read, p_e, sh, is_wanted, pressure, superheat,
         )  # fmt: skip

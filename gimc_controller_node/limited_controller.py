@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ac_common.compiled import ready
 from gimc_controller_node.compiled import Array, jit
 from gimc_controller_node.controller import (
     WANTED,
@@ -176,6 +177,7 @@ class LimitedController:
             ReferenceGovernor(lead, lag_s, design.sample_time_s, memory)
             for lead, lag_s, memory in zip(design.lead.tolist(), design.lag_s.tolist(), memories, strict=True)
         ]
+        self._with_k0 = ready(_with_k0)
         self._k0 = controller if type(controller) is GimcController else None  # one of a class of its own is not K0
 
     @property
@@ -213,7 +215,7 @@ class LimitedController:
         m, k0 = self._memory, self._k0
         if k0 is not None:
             p_e, sh, *_ = measurement.tolist()
-            _with_k0(m, k0.memory, k0.n_states, pressure, superheat, p_e, sh, arrives, q_speed, q_valve)
+            self._with_k0(m, k0.memory, k0.n_states, pressure, superheat, p_e, sh, arrives, q_speed, q_valve)
             return self._last.copy()
         _before(m, pressure, superheat, arrives, q_speed, q_valve)
         wanted = self._controller.step(self._governed.copy(), measurement[:2], self._q.copy())
