@@ -20,26 +20,19 @@ Thermal Engineering 66 (2014) 646-656. People: ASHRAE Handbook, Fundamentals, ch
 heating load calculations (seated, very light work).
 """
 
-import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ac_plant_node.dynamics.moist_air import (
-    CP_VAPOUR_J_KGK,
-    H_VAPOUR_J_KG,
-    enthalpy,
-    humidity_ratio,
-    relative_humidity,
-    temperature,
-)
+from ac_plant_node.dynamics import cabin_air
+from ac_plant_node.dynamics.moist_air import enthalpy, humidity_ratio
+from ac_plant_node.parameters.file import load_parameters
 
-LONGEST_STEP_S = 0.5
-"""Longest step of the fourth-order Runge-Kutta method; the air's time constant is some 8 s."""
-CP_AIR_J_KGK = 1006.0
-"""As the plant's parameter `air_cp_j_kgk` is by default."""
-_VAPOUR_J_KG = H_VAPOUR_J_KG + 34.0 * CP_VAPOUR_J_KGK
+
+def _air_cp_j_kgk() -> float:
+    return load_parameters()["air_cp_j_kgk"]
 
 
 @dataclass(frozen=True)
@@ -63,6 +56,8 @@ class CabinParameters:
         Calibrated on the soak, as above. The glass alone of the JRC's Golf lets in 0.6 m2; the body's heat is in it.
     person_sensible_w, person_latent_w : float
         Seated, very light work: 70 W and 45 W.
+    air_cp_j_kgk : float
+        Dry air: the plant's parameter of that name.
     """
 
     air_kg: float = 3.3
@@ -72,6 +67,12 @@ class CabinParameters:
     aperture_m2: float = 1.15
     person_sensible_w: float = 70.0
     person_latent_w: float = 45.0
+    air_cp_j_kgk: float = field(default_factory=_air_cp_j_kgk)
+
+    @cached_property
+    def array(self) -> NDArray[np.float64]:
+        """All of them in this order, for the compiled code."""
+        return np.array(astuple(self))
 
 
 @dataclass(frozen=True)
@@ -123,24 +124,23 @@ def soaked(around: Surroundings, cabin: CabinParameters | None = None) -> CabinS
     )
 
 
-def evaporator_inlet(state: CabinState, around: Surroundings) -> tuple[float, float]:
+def evaporator_inlet(
+    state: CabinState, around: Surroundings, cabin: CabinParameters | None = None
+) -> tuple[float, float]:
     """Return temperature (degC) and relative humidity (0..1) of the air that the evaporator breathes.
 
     Where the mixture carries mist (cold damp air into warm damp air), the relative humidity is 1 and the mist is lost.
     """
-    outside = humidity_ratio(around.outside_c, around.outside_humidity)
-    share = around.recirculation
-    ratio = share * state.humidity_ratio + (1.0 - share) * outside
-    h = share * enthalpy(state.air_c, state.humidity_ratio, CP_AIR_J_KGK)
-    h += (1.0 - share) * enthalpy(around.outside_c, outside, CP_AIR_J_KGK)
-    mixed_c = temperature(h, ratio, CP_AIR_J_KGK)
-    return mixed_c, min(relative_humidity(mixed_c, ratio), 1.0)
+    cp_air = (cabin or CabinParameters()).air_cp_j_kgk
+    return cabin_air.mixed(
+        state.air_c, state.humidity_ratio, around.outside_c, around.outside_humidity, around.recirculation, cp_air
+    )
 
 
 def cabin_energy(state: CabinState, cabin: CabinParameters | None = None) -> tuple[float, float]:
     """Return the energy (J, from dry air and liquid water at 0 degC) and the water (kg) in a cabin."""
     cabin = cabin or CabinParameters()
-    air = cabin.air_kg * enthalpy(state.air_c, state.humidity_ratio, CP_AIR_J_KGK)
+    air = cabin.air_kg * enthalpy(state.air_c, state.humidity_ratio, cabin.air_cp_j_kgk)
     return air + cabin.interior_j_k * state.interior_c, cabin.air_kg * state.humidity_ratio
 
 
@@ -170,30 +170,8 @@ def cabin_step(
         Energy and water in it change by what came in, to round-off.
     """
     cabin = cabin or CabinParameters()
-    vent_h = enthalpy(vent_c, vent_humidity_ratio, CP_AIR_J_KGK)
-    breath = around.people * cabin.person_latent_w / _VAPOUR_J_KG
-    sun, warmth = cabin.aperture_m2 * around.sun_w_m2, around.people * (cabin.person_sensible_w + cabin.person_latent_w)
-
-    def rates(y: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the rates of enthalpy and water of the air, energy of the interior, energy and water that came in."""
-        h, ratio = y[0] / cabin.air_kg, y[1] / cabin.air_kg
-        air_c, interior_c = temperature(h, ratio, CP_AIR_J_KGK), y[2] / cabin.interior_j_k
-        inner = cabin.interior_w_k * (interior_c - air_c)
-        outer = blower_kg_s * (vent_h - h) + cabin.outside_w_k * (around.outside_c - air_c) + warmth
-        water = blower_kg_s * (vent_humidity_ratio - ratio) + breath
-        return np.array([outer + inner, water, sun - inner, outer + sun, water])
-
-    air_j = cabin.air_kg * enthalpy(state.air_c, state.humidity_ratio, CP_AIR_J_KGK)
-    y = np.array([air_j, cabin.air_kg * state.humidity_ratio, cabin.interior_j_k * state.interior_c, 0.0, 0.0])
-    steps = max(math.ceil(duration_s / LONGEST_STEP_S), 1)
-    h = duration_s / steps
-    for _ in range(steps):
-        k_1 = rates(y)
-        k_2 = rates(y + 0.5 * h * k_1)
-        k_3 = rates(y + 0.5 * h * k_2)
-        y = y + h / 6.0 * (k_1 + 2.0 * k_2 + 2.0 * k_3 + rates(y + h * k_3))
-    ratio = float(y[1]) / cabin.air_kg
-    after = CabinState(
-        temperature(float(y[0]) / cabin.air_kg, ratio, CP_AIR_J_KGK), float(y[2]) / cabin.interior_j_k, ratio
-    )
-    return CabinStep(after, float(y[3]), float(y[4]))
+    air_c, interior_c, ratio, energy_in_j, water_in_kg = cabin_air.step(
+        state.air_c, state.interior_c, state.humidity_ratio, vent_c, vent_humidity_ratio, blower_kg_s,
+        around.outside_c, around.sun_w_m2, around.people, duration_s, cabin.array,
+    )  # fmt: skip
+    return CabinStep(CabinState(air_c, interior_c, ratio), energy_in_j, water_in_kg)

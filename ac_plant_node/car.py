@@ -5,7 +5,7 @@ when the interval began, and gets that from the vents which left the evaporator 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,9 +47,10 @@ def car_inputs(
     vehicle_speed_m_s: float,
     fan_share: float = 1.0,
     front: FrontEnd | None = None,
+    cabin: CabinParameters | None = None,
 ) -> NDArray[np.float64]:
     """Return the plant's inputs (7,) for a command (2,) of compressor speed rad/s and valve opening 0..1."""
-    air_c, humidity = evaporator_inlet(state.cabin, around)
+    air_c, humidity = evaporator_inlet(state.cabin, around, cabin)
     flow = condenser_air_flow(vehicle_speed_m_s, state.stage, fan_share, front)
     return np.array([command[0], command[1], blower_kg_s, air_c, flow, around.outside_c, humidity])
 
@@ -66,12 +67,19 @@ def car_step(
     """Run the plant on with `inputs` from `car_inputs`, and return the car after that and the plant's outputs."""
     plant.step(inputs, duration_s)
     out = plant.outputs
-    after = cabin_step(
-        state.cabin, out.air_outlet_temperature_c, out.air_outlet_humidity_ratio, float(plant.inputs[2]), around,
-        duration_s, cabin,
-    ).state  # fmt: skip
-    stage = fan_stage(state.stage, out.condenser_pressure_pa, bool(inputs[0] > 0.0), front)
-    return replace(state, cabin=after, stage=stage, time_s=state.time_s + duration_s), out
+    blower_kg_s, is_on = float(plant.inputs[2]), bool(inputs[0] > 0.0)
+    after = _after(plant, state, blower_kg_s, out.condenser_pressure_pa, is_on, around, duration_s, cabin, front)
+    return after, out
+
+
+def _after(
+    plant: Plant, state: CarState, blower_kg_s: float, head_pa: float, is_on: bool, around: Surroundings,
+    duration_s: float, cabin: CabinParameters | None, front: FrontEnd | None,
+) -> CarState:  # fmt: skip
+    """Return the car after a step of its plant."""
+    vent_c, vent_ratio = plant.vent_air
+    after = cabin_step(state.cabin, vent_c, vent_ratio, blower_kg_s, around, duration_s, cabin).state
+    return CarState(after, fan_stage(state.stage, head_pa, is_on, front), state.time_s + duration_s)
 
 
 def cabin_at_start(around: Surroundings, cabin_c: float | None) -> CabinState:
@@ -112,6 +120,7 @@ class Car:
         self.plant = Plant.at(point)
         self.outputs = np.array(operating_point(point).outputs)
         self._state, self._fan_share = CarState(cabin), 1.0
+        self._parameters, self._front = CabinParameters(), FrontEnd()
         self.acted = self.plant.inputs
         self.cabin = self._report()
 
@@ -136,13 +145,17 @@ class Car:
         if side.belt_speed > 0.0:
             command = np.array([side.belt_speed, command[1]])
         around = Surroundings(air.condenser_inlet_temperature, air.humidity, side.sun, side.people, side.recirculation)
-        asked = car_inputs(self._state, command, air.mass_flow, around, side.vehicle_speed, self._fan_share)
-        self._state, out = car_step(self.plant, self._state, asked, around, duration_s)
-        self.acted = self.plant.inputs
-        self.cabin = self._report()
-        self.outputs = np.array(
-            [out.evaporator_pressure_pa, out.superheat_k, out.wall_temperature_c, out.condenser_pressure_pa]
+        cabin, front = self._parameters, self._front
+        asked = car_inputs(
+            self._state, command, air.mass_flow, around, side.vehicle_speed, self._fan_share, front, cabin
         )
+        self.outputs = self.plant.step(asked, duration_s)
+        self.acted = self.plant.inputs
+        blower_kg_s, is_on = float(self.acted[2]), bool(asked[0] > 0.0)
+        self._state = _after(
+            self.plant, self._state, blower_kg_s, float(self.outputs[3]), is_on, around, duration_s, cabin, front
+        )
+        self.cabin = self._report()
         return self.outputs
 
     def hold_faults(self, sizes: Sequence[float]) -> None:

@@ -251,13 +251,18 @@ class Plant:
     @property
     def outputs(self) -> Outputs:
         """Return the present outputs."""
-        a, k = self._aux, self._work
-        air_c, ratio = outlet_air(k.drive, self._par, a[balances.Q_AIR_E], a[balances.WATER], a[balances.DRAINED])
+        a, (air_c, ratio) = self._aux, self.vent_air
         return Outputs(
             float(a[balances.P_E]), float(a[balances.SUPERHEAT]), float(a[balances.WALL_E2]) - 273.15,
             float(a[balances.P_C]), float(a[balances.Q_AIR_E]), float(a[balances.SUBCOOLING]), float(a[balances.POWER]),
             float(a[balances.LATENT]), float(a[balances.WATER]), float(a[balances.FROST]), air_c, ratio,
         )  # fmt: skip
+
+    @property
+    def vent_air(self) -> tuple[float, float]:
+        """Return temperature (degC) and humidity ratio of the air behind the evaporator."""
+        a = self._aux
+        return outlet_air(self._work.drive, self._par, a[balances.Q_AIR_E], a[balances.WATER], a[balances.DRAINED])
 
     @property
     def performance(self) -> Performance:

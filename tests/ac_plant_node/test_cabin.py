@@ -17,6 +17,7 @@ from ac_plant_node.cabin import (
 )
 from ac_plant_node.car import CarState, car_inputs, car_step
 from ac_plant_node.dynamics import moist_air
+from ac_plant_node.parameters.file import load_parameters
 from docs.tools.car_pictures import published
 
 RPM = 2.0 * np.pi / 60.0
@@ -35,6 +36,17 @@ def test_energy_and_water_close(air, interior, ratio, vent, vent_ratio, blower, 
     energy_after, water_after = cabin_energy(after.state)
     assert energy_after - energy == pytest.approx(after.energy_in_j, abs=1e-12 * 1e7)
     assert water_after - water == pytest.approx(after.water_in_kg, abs=1e-14)
+
+
+def test_the_air_is_that_of_the_plant(tmp_path, monkeypatch):
+    """A parameter file of a plant of your own is the cabin's, too: heat that warms air by 1 K."""
+    warmed = [cabin_energy(CabinState(t, 20.0, 0.0))[0] for t in (20.0, 21.0)]
+    assert np.diff(warmed) == pytest.approx(3.3 * load_parameters()["air_cp_j_kgk"])
+    own = tmp_path / "plant.yaml"
+    own.write_text("air_cp_j_kgk: 1050\n")
+    monkeypatch.setenv("ACFTC_PLANT", str(own))
+    warmed = [cabin_energy(CabinState(t, 20.0, 0.0))[0] for t in (20.0, 21.0)]
+    assert np.diff(warmed) == pytest.approx(3.3 * 1050.0)
 
 
 def test_steps_are_converged():
