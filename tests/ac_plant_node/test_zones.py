@@ -5,9 +5,9 @@ import pytest
 
 from ac_common.units import RPM
 from ac_plant_node import POINTS, Plant, operating_point
-from ac_plant_node.dynamics.balances import REGIME_C, REGIME_E
+from ac_plant_node.dynamics.balances import H_DISCHARGE, REGIME_C, REGIME_E
 from ac_plant_node.inputs import FAULTS, INPUT_HIGH, INPUT_LOW, TO_SI
-from ac_plant_node.properties.lookup import saturation
+from ac_plant_node.properties.lookup import saturation, vapour
 from ac_plant_node.properties.tables import load_tables
 
 
@@ -113,13 +113,16 @@ def test_compressor_off_the_charge_goes_where_it_is_cold():
 
 
 def random_faults(rng):
-    """Up to three faults of random size at once; a leak of up to 1 kg/h, which empties the plant in half an hour."""
-    sizes = {}
-    for k in rng.choice(len(FAULTS), size=rng.integers(0, 4), replace=False):
-        row = FAULTS[k]
-        high = 1.0 / 3600.0 if row.kind == "refrigerant_leak" else row.high
-        sizes[row.kind] = rng.uniform(row.low, high) / TO_SI[row.unit](1.0)
-    return sizes
+    """Any number of faults at once, of any size; a leak of 5 kg/h leaves a fifth of the charge in six minutes."""
+    drawn = (FAULTS[k] for k in rng.choice(len(FAULTS), size=rng.integers(0, len(FAULTS) + 1), replace=False))
+    return {row.kind: rng.uniform(row.low, row.high) / TO_SI[row.unit](1.0) for row in drawn}
+
+
+def discharge_k(plant):
+    """Return the temperature of the gas that the compressor would deliver now."""
+    tab, p, h = load_tables(), plant.outputs.condenser_pressure_pa, plant._aux[H_DISCHARGE]
+    sat = saturation(tab, p)
+    return vapour(tab, p, sat.ln_p, h, sat.h_g, sat.h_g_p)[3] if h > sat.h_g else sat.t
 
 
 def random_hour(seed, seconds=3600.0, faulty=False):
@@ -138,7 +141,8 @@ def random_hour(seed, seconds=3600.0, faulty=False):
         for _ in range(int(hold)):
             y = plant.step(w, 1.0)
             o = plant.outputs
-            rows.append((*y, *plant.state, o.air_outlet_temperature_c, o.cooling_power_w, o.condensed_water_kg_s))
+            told = (o.air_outlet_temperature_c, o.cooling_power_w, o.condensed_water_kg_s, discharge_k(plant))
+            rows.append((*y, *plant.state, *told))
         elapsed += hold
     table = np.array(rows)
     ledger.check()
@@ -146,7 +150,7 @@ def random_hour(seed, seconds=3600.0, faulty=False):
 
 
 def check_bounds(low, high, faulty=False):
-    """Physical bounds: p, SH, T_w, p_c, then the state x, then the air behind the evaporator, its heat and water."""
+    """Physical bounds: p, SH, T_w, p_c, the state x, the air behind the evaporator, its heat and water, hot gas."""
     assert np.isfinite(low).all()
     assert np.isfinite(high).all()
     assert low[0] > 15e3
@@ -162,7 +166,8 @@ def check_bounds(low, high, faulty=False):
     assert low[lengths].min() >= 0.0
     assert high[lengths].max() <= 1.0
     assert low[[7, 8, 13, 14, 15]].min() > 210.0
-    assert high[[7, 8, 13, 14, 15]].max() < (430.0 if faulty else 400.0)  # half the isentropic efficiency: hot gas
+    # With half the isentropic efficiency and next to no air the gas, and the wall that it heats, may be very hot.
+    assert high[[7, 8, 13, 14, 15]].max() < (high[19] + 1.0 if faulty else 400.0)
     assert low[16] > -50.0
     assert high[16] < 75.0
     assert low[18] >= 0.0
