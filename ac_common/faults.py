@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
-from ac_common.signals import Command, Measurement
+from ac_common.signals import READINGS, Command
 from ac_common.units import KG_H, KPA, PERCENT, RPM
 
 
@@ -22,7 +22,7 @@ class Place(Enum):
     SENSOR = "sensor"
     """to a reading, on its way from the plant"""
     PLANT = "plant"
-    """to nothing: a component of the plant is faulty, or the sensor of what the plant reports by itself"""
+    """to nothing: a component of the plant is faulty"""
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,8 @@ class Fault:
         As in formulas: ``f_N``.
     place : Place
     signal : str
-        The field of `Command` (for an actuator) or `Measurement` (for a sensor) to which it is added; of the plant its
-        kind, which is its joint of ``component/faults``.
+        The field of `Command` (for an actuator) or one of `READINGS` (for a sensor) to which it is added; of the plant
+        its kind, which is its joint of ``component/faults``.
     unit, si : str, float
         Unit for people, and how much of SI one of it is.
     si_unit : str
@@ -85,14 +85,14 @@ class Fault:
     @property
     def can_stick(self) -> bool:
         """Whether it is a sensor's, which may also stand still: the profile ``stuck``."""
-        return self.place is Place.SENSOR or self.kind == INLET_SENSOR
+        return self.place is Place.SENSOR
 
     @property
     def index(self) -> int:
-        """Index of its signal in `Command` or `Measurement`, or, for one of the plant, its own in `COMPONENTS`."""
+        """Index of its signal in `Command` or `READINGS`, or, for one of the plant, its own in `COMPONENTS`."""
         if self.place is Place.PLANT:
             return COMPONENTS.index(self)
-        return (Command if self.place is Place.ACTUATOR else Measurement)._fields.index(self.signal)
+        return (Command._fields if self.place is Place.ACTUATOR else READINGS).index(self.signal)
 
     @property
     def lowest(self) -> float:
@@ -139,10 +139,6 @@ class Fault:
     def residual_topic(self) -> str:
         """Topic of its estimate, where a filter makes one."""
         return f"fdi/residual/{self.kind}"
-
-
-#: The fault of the sensor of the evaporator's inlet air, whose reading the plant reports by itself.
-INLET_SENSOR = "air_inlet_sensor"
 
 
 def _component(kind: str, symbol: str, largest: float, typical: float, **words: Any) -> Fault:
@@ -367,22 +363,43 @@ FAULTS: tuple[Fault, ...] = (
         si_unit="s",
         size_key="size_s",
     ),
-    _component(
-        INLET_SENSOR,
-        "f_Ta",
-        60.0,
-        3.0,
+    Fault(
+        kind="air_inlet_sensor",
+        symbol="f_Ta",
+        place=Place.SENSOR,
+        signal="air_inlet_temperature",
+        unit="K",
+        si=1.0,
+        si_unit="K",
+        size_key="size_k",
+        largest=60.0,
+        typical=3.0,
         name="air inlet sensor",
         subject="the sensor of the air's inlet temperature",
         verb="read",
         more="too high",
         less="too low",
-        adds="added to what the plant reports as the evaporator's inlet air",
+        adds="added to the measured inlet air of the evaporator",
+        has_filter=False,
+    ),
+    Fault(
+        kind="condenser_air_sensor",
+        symbol="f_Tca",
+        place=Place.SENSOR,
+        signal="condenser_air_inlet_temperature",
         unit="K",
         si=1.0,
         si_unit="K",
         size_key="size_k",
-        is_loss=False,
+        largest=60.0,
+        typical=3.0,
+        name="condenser air sensor",
+        subject="the sensor of the condenser's inlet air",
+        verb="read",
+        more="too high",
+        less="too low",
+        adds="added to the measured inlet air of the condenser",
+        has_filter=False,
     ),
 )
 
@@ -393,7 +410,7 @@ ISOLABLE: tuple[Fault, ...] = tuple(fault for fault in FAULTS if fault.has_filte
 #: The others.
 UNFILTERED: tuple[Fault, ...] = tuple(fault for fault in FAULTS if not fault.has_filter)
 ISOLABLE_KINDS: tuple[str, ...] = tuple(fault.kind for fault in ISOLABLE)
-#: Those of the plant, in the order of the joints of ``component/faults``: first those of `ac_plant_node.inputs.FAULTS`.
+#: Those of the plant, in the order of the joints of ``component/faults``: that of `ac_plant_node.inputs.FAULTS`.
 COMPONENTS: tuple[Fault, ...] = tuple(fault for fault in FAULTS if fault.place is Place.PLANT)
 COMPONENT_KINDS: tuple[str, ...] = tuple(fault.kind for fault in COMPONENTS)
 #: Those of sensors that may stand still, in the order of every array that says which do.

@@ -64,6 +64,15 @@ class Innovation(NamedTuple):
     """K"""
 
 
+class Inlets(NamedTuple):
+    """Air into both heat exchangers, measured disturbances: on ``plant/...`` as it is, on ``measured/...`` as read."""
+
+    air_inlet_temperature: float
+    """degC"""
+    condenser_air_inlet_temperature: float
+    """degC"""
+
+
 class Command(NamedTuple):
     """What the actuators are told: the joints of ``controller/command``."""
 
@@ -124,7 +133,10 @@ class Cabin(NamedTuple):
     """air flow through the condenser, kg/s"""
 
 
-Signal = Measurement | PlantOutput | Innovation | Command | Reference | AirSide
+READINGS: tuple[str, ...] = (*Measurement._fields, *Inlets._fields)
+"""All that sensors read: signals of ``measured/...``, in the order of every array of them."""
+
+Signal = Measurement | Inlets | PlantOutput | Innovation | Command | Reference | AirSide
 
 
 def topics_of(prefix: str, signal: type[Signal]) -> tuple[str, ...]:

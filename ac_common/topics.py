@@ -17,7 +17,7 @@ from ac_common.faults import (
     Fault,
     Place,
 )
-from ac_common.signals import Cabin, CarSide, Performance
+from ac_common.signals import READINGS, Cabin, CarSide, Performance
 
 NAMESPACE = "/ac"
 
@@ -146,12 +146,41 @@ class Topic:
 
 _ACTUATORS = (COMPRESSOR, VALVE)
 _READINGS = {
-    "evaporator_pressure": (PRESSURE, "evaporator", False),
-    "superheat": (TEMPERATURE, "evaporator", True),
-    "wall_temperature": (TEMPERATURE, "evaporator", True),
-    "condenser_pressure": (PRESSURE, "condenser", False),
+    "evaporator_pressure": (PRESSURE, "evaporator", "p_e, actual", "p_e with f_p and noise"),
+    "superheat": (
+        TEMPERATURE,
+        "evaporator",
+        "superheat SH, actual: a difference",
+        "SH with noise; with a derived superheat, also with what f_p does to it",
+    ),
+    "wall_temperature": (TEMPERATURE, "evaporator", "T_w, wall of the superheated zone, actual", "T_w with noise"),
+    "condenser_pressure": (
+        PRESSURE,
+        "condenser",
+        "p_c, actual",
+        "p_c with noise; the linear designs do not use it",
+    ),
+    "air_inlet_temperature": (
+        TEMPERATURE,
+        "evaporator_air",
+        "air into the evaporator, actual",
+        "air into the evaporator, a measured disturbance",
+    ),
+    "condenser_air_inlet_temperature": (
+        TEMPERATURE,
+        "condenser_air",
+        "air into the condenser, actual",
+        "air into the condenser, a measured disturbance that the linear designs do not use",
+    ),
 }
-"""Type and frame of the readings, and whether a difference of two of them is in K."""
+"""Type and frame of what sensors read, and what its topics ``plant/...`` and ``measured/...`` say."""
+
+
+def _reading(publisher: str, reading: str, *subscribers: str) -> Topic:
+    """Return the topic of what a sensor reads: as it is, from the plant, or as it is read, from the injector."""
+    type_, frame, actual, measured = _READINGS[reading]
+    name, meaning = (f"plant/{reading}", actual) if publisher == PLANT else (f"measured/{reading}", measured)
+    return Topic(name, type_, meaning, publisher, subscribers, frame=frame, in_kelvin=reading == "superheat")
 
 
 def _of_fault(fault: Fault, name: str, meaning: str, publisher: str, *subscribers: str) -> Topic:
@@ -160,7 +189,8 @@ def _of_fault(fault: Fault, name: str, meaning: str, publisher: str, *subscriber
         return Topic(name, JOINTS, meaning, publisher, subscribers, (fault.kind,))
     if fault.place is Place.ACTUATOR:
         return Topic(name, JOINTS, meaning, publisher, subscribers, (fault.signal,), is_difference=True)
-    type_, frame, in_kelvin = _READINGS[fault.signal]
+    type_, frame, *_ = _READINGS[fault.signal]
+    in_kelvin = type_ == TEMPERATURE
     return Topic(name, type_, meaning, publisher, subscribers, (), frame, is_difference=True, in_kelvin=in_kelvin)
 
 
@@ -170,40 +200,8 @@ def _truth(fault: Fault) -> Topic:
 
 
 TOPICS: tuple[Topic, ...] = (
-    Topic("plant/evaporator_pressure", PRESSURE, "p_e, actual", PLANT, (INJECTOR, SCENARIO), frame="evaporator"),
-    Topic(
-        "plant/superheat",
-        TEMPERATURE,
-        "superheat SH, actual: a difference",
-        PLANT,
-        (INJECTOR,),
-        frame="evaporator",
-        in_kelvin=True,
-    ),
-    Topic(
-        "plant/wall_temperature",
-        TEMPERATURE,
-        "T_w, wall of the superheated zone, actual",
-        PLANT,
-        (INJECTOR,),
-        frame="evaporator",
-    ),
-    Topic("plant/condenser_pressure", PRESSURE, "p_c, actual", PLANT, (INJECTOR,), frame="condenser"),
-    Topic(
-        "plant/air_inlet_temperature",
-        TEMPERATURE,
-        "air into the evaporator, a measured disturbance",
-        PLANT,
-        (FDI, CONTROLLER),
-        frame="evaporator_air",
-    ),
-    Topic(
-        "plant/condenser_air_inlet_temperature",
-        TEMPERATURE,
-        "air into the condenser, a measured disturbance that the linear designs do not use",
-        PLANT,
-        frame="condenser_air",
-    ),
+    _reading(PLANT, "evaporator_pressure", INJECTOR, SCENARIO),
+    *(_reading(PLANT, reading, INJECTOR) for reading in READINGS[1:]),
     Topic(
         "plant/performance",
         JOINTS,
@@ -226,31 +224,12 @@ TOPICS: tuple[Topic, ...] = (
         frame="condenser",
         in_kelvin=True,
     ),
-    Topic(
-        "measured/evaporator_pressure",
-        PRESSURE,
-        "p_e with f_p and noise",
-        INJECTOR,
-        (FDI, CONTROLLER),
-        frame="evaporator",
-    ),
-    Topic(
-        "measured/superheat",
-        TEMPERATURE,
-        "SH with noise; with a derived superheat, also with what f_p does to it",
-        INJECTOR,
-        (FDI, CONTROLLER),
-        frame="evaporator",
-        in_kelvin=True,
-    ),
-    Topic("measured/wall_temperature", TEMPERATURE, "T_w with noise", INJECTOR, (FDI,), frame="evaporator"),
-    Topic(
-        "measured/condenser_pressure",
-        PRESSURE,
-        "p_c with noise; the linear designs do not use it",
-        INJECTOR,
-        frame="condenser",
-    ),
+    _reading(INJECTOR, "evaporator_pressure", FDI, CONTROLLER),
+    _reading(INJECTOR, "superheat", FDI, CONTROLLER),
+    _reading(INJECTOR, "wall_temperature", FDI),
+    _reading(INJECTOR, "condenser_pressure"),
+    _reading(INJECTOR, "air_inlet_temperature", FDI, CONTROLLER),
+    _reading(INJECTOR, "condenser_air_inlet_temperature"),
     Topic(
         "reference/evaporator_pressure",
         PRESSURE,
@@ -274,7 +253,7 @@ TOPICS: tuple[Topic, ...] = (
         TEMPERATURE,
         "its temperature",
         SCENARIO,
-        (PLANT, INJECTOR),
+        (PLANT,),
         frame="evaporator_air",
     ),
     Topic(
@@ -412,7 +391,7 @@ CABIN_SERIES: tuple[str, ...] = BY_NAME["plant/car"].series
 
 #: Who acts on a topic, where that is somebody else with the designs of the whole envelope.
 WITH_ENVELOPE: dict[str, tuple[str, ...]] = {
-    "plant/condenser_air_inlet_temperature": (FDI,),
+    "measured/condenser_air_inlet_temperature": (FDI,),
     **dict.fromkeys(("measured/evaporator_pressure", "measured/superheat"), (FDI, COMPENSATOR, CONTROLLER)),
     "measured/condenser_pressure": (FDI,),
     "controller/command": (INJECTOR, FDI, COMPENSATOR),

@@ -18,7 +18,7 @@ from pydantic import AfterValidator, Field, PlainValidator, create_model, model_
 
 from ac_common.errors import UserError
 from ac_common.fault_profiles import PROFILE_KEYS, PROFILES, SENSOR_PROFILES, STUCK, unit_profile
-from ac_common.faults import BY_KIND, FAULTS, INLET_SENSOR, KINDS, Fault, Place
+from ac_common.faults import BY_KIND, FAULTS, KINDS, Fault, Place
 from ac_common.sample_time import DEFAULT_SAMPLE_TIME_S, LONGEST_SAMPLE_TIME_S, SHORTEST_SAMPLE_TIME_S
 from ac_common.units import KPA
 from ac_experiments.car_schema import Car
@@ -344,10 +344,6 @@ class Scenario(Part):
         if self.car is not None and self.air != Air():
             msg = "air and car both say what the air does; give one of them"
             raise ValueError(msg)
-        for number, fault in enumerate(self.faults):
-            if self.car is not None and fault.profile == STUCK and fault.fault.kind == INLET_SENSOR:
-                msg = f"faults.{number}: {INLET_SENSOR} cannot be stuck in a car, where the inlet air is a result"
-                raise ValueError(msg)
         if self.car is None or not self.car.has_belt:
             return self
         if self.design == "envelope":

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.errors import RunError
-from ac_common.faults import COMPONENT_KINDS, INLET_SENSOR, ISOLABLE_KINDS, KINDS, STICKING, STUCK_JOINTS
+from ac_common.faults import COMPONENT_KINDS, ISOLABLE_KINDS, KINDS, STICKING, STUCK_JOINTS
 from ac_common.fdi_status import StatusRow
 from ac_common.health import AS_USUAL
-from ac_common.signals import CarSide, Innovation, Measurement, PlantOutput, Reference, topics_of
+from ac_common.signals import CarSide, Inlets, Innovation, Measurement, PlantOutput, Reference, topics_of
 from ac_common.topics import (
     AIR_SIDE,
     BY_NAME,
@@ -48,10 +48,10 @@ _ACTUATORS = tuple(BY_NAME["controller/command"].joints)
 #: Series that a tick of the loop makes, in the order in which `_Loop.tick` gives them.
 _MADE = (
     *topics_of("plant", PlantOutput),
-    "plant/air_inlet_temperature",
-    "plant/condenser_air_inlet_temperature",
+    *topics_of("plant", Inlets),
     *PERFORMANCE_SERIES,
     *topics_of("measured", Measurement),
+    *topics_of("measured", Inlets),
     *topics_of("fdi/innovation", Innovation),
     *(residual_of(kind) for kind in ISOLABLE_KINDS),
     *(f"compensator/q:{joint}" for joint in _ACTUATORS),
@@ -60,7 +60,6 @@ _MADE = (
     *BY_NAME["component/faults"].series,
     *(truth_of(fault.kind) for fault in STICKING),
 )
-_INLET = COMPONENT_KINDS.index(INLET_SENSOR)
 _sticking = itemgetter(*(KINDS.index(fault.kind) for fault in STICKING))
 
 
@@ -105,7 +104,7 @@ def simulate(
     car = plan.car.tolist()
     started = time.perf_counter()
     for k, reference in enumerate(plan.reference):
-        values = loop.tick(times[k], reference, loop.stick(air[k], faults[k], stuck[k]), car[k])
+        values = loop.tick(times[k], reference, loop.stick(faults[k], stuck[k]), car[k])
         row.pack_into(made, k * row.size, *values)  # faster than an assignment
         try:
             loop.advance(air[k], car[k])
@@ -171,7 +170,7 @@ class _Loop:
         self._components_of = components
         self._injector = FaultInjector(scenario.noise.std, scenario.noise.seed, scenario.superheat_sensor)
         self._detector, told = make_detector(designs.fdi)
-        self._readings, self._inlets = told.readings, told.inlets
+        self._reads, self._reads_inlets = told.readings, told.inlets
         self._compensator, kind = make_compensator(designs.compensator, accommodate)
         self._signal = attrgetter(kind.reads)
         self._controller = make_controller(
@@ -180,23 +179,22 @@ class _Loop:
         self._outputs: list[float] = (rest if self._car is None else self._car).outputs.tolist()
         # The plant reports the inlet temperatures that acted until now: those held over the sample just past.
         acted = self._inputs if self._car is None else self._car.acted
-        self._air_inlet_c, self._condenser_inlet_c = float(acted[3]), float(acted[5])
+        self._inlets = (float(acted[3]), float(acted[5]))
         self._components = (0.0,) * len(COMPONENT_KINDS)
         self._faults: Sequence[float] = [0.0] * len(KINDS)
         self._does = {COMPENSATOR: "", CONTROLLER: ""}
 
-    def stick(self, air: Sequence[float], faults: Sequence[float], stuck: Sequence[float]) -> Sequence[float]:
+    def stick(self, faults: Sequence[float], stuck: Sequence[float]) -> Sequence[float]:
         """Return the faults of this tick with what the readings that stand still are off by."""
-        return self._injector.stick(self._outputs, air[1], faults, stuck)
+        return self._injector.stick(self._outputs, self._inlets, faults, stuck)
 
     def tick(
         self, time_s: float, reference: NDArray[np.float64], faults: Sequence[float], car: Sequence[float]
     ) -> tuple[float, ...]:
         """Go around the loop once; return the values of `_MADE`, and with a car those of `CABIN_SERIES`."""
-        outputs, air_inlet_c = self._outputs, self._air_inlet_c + self._components[_INLET]
-        measured = self._injector.measure(outputs, faults)
-        inlets = (air_inlet_c, self._condenser_inlet_c)[: self._inlets]
-        found = self._detector.observe(time_s, measured[: self._readings], *inlets)
+        outputs, actual_inlets = self._outputs, self._inlets
+        measured, inlets = self._injector.measure(outputs, faults), self._injector.measure_inlets(actual_inlets, faults)
+        found = self._detector.observe(time_s, measured[: self._reads], *inlets[: self._reads_inlets])
         q = self._compensator.step(
             self._signal(found), found.isolated, found.also_isolated, reference.tolist(), measured
         )
@@ -204,7 +202,7 @@ class _Loop:
         reading[0], reading[1], reading[2] = measured[:3]
         if car:
             self._controller.drive(CarSide(*car).belt_speed)
-        command = self._controller.step(reference, reading, q, air_inlet_c)
+        command = self._controller.step(reference, reading, q, inlets[0])
         commanded = command.tolist()
         self._detector.commanded(commanded)
         self._compensator.commanded(commanded)
@@ -218,10 +216,10 @@ class _Loop:
             self._faults, sizes = faults, self._components_of(faults)
             if sizes != self._components:
                 self._components = sizes
-                self._plant.hold_faults(sizes[:_INLET])
+                self._plant.hold_faults(sizes)
         self.status.append(found.status(time_s))
-        seen = (*measured, *found.innovation, *found.residual)
-        told = (air_inlet_c, self._condenser_inlet_c, *self._plant.performance)
+        seen = (*measured, *inlets, *found.innovation, *found.residual)
+        told = (*actual_inlets, *self._plant.performance)
         cabin = () if self._car is None else self._car.cabin
         acted = (*q.tolist(), *commanded, *actuator)
         return (*outputs, *told, *seen, *acted, *self._components, *_sticking(faults), *cabin)
@@ -230,9 +228,9 @@ class _Loop:
         """Let the plant run on to the next tick with the actuators as they are; raises ValueError when it cannot."""
         self._inputs[2:] = (*air, *car)
         self._outputs = self._plant.step(self._inputs, self._sample_time_s).tolist()
-        self._air_inlet_c, self._condenser_inlet_c = air[1], air[3]
+        self._inlets = (air[1], air[3])
         if self._car is not None:
-            self._air_inlet_c, self._condenser_inlet_c = float(self._car.acted[3]), float(self._car.acted[5])
+            self._inlets = (float(self._car.acted[3]), float(self._car.acted[5]))
 
     def _announce(self, time_s: float, node: str, does: str) -> None:
         self._does[node] = does

@@ -5,8 +5,6 @@ have arrived; stamps count from 0 and are published on `/clock`. realtime: tick 
 the stamps carry. A command that has not come by then counts as a missed tick, and the previous one is held (zero-order
 hold) for at most `command_hold_s`; then the actuators go to the operating point's command. A plant that was stopped
 steps over the missed ticks without publishing them.
-
-The inlet temperature that is published is the car's reading of it, so a fault of that sensor is added here.
 """
 
 import math
@@ -19,7 +17,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from ac_common.faults import COMPONENT_KINDS, INLET_SENSOR
+from ac_common.faults import COMPONENT_KINDS
 from ac_common.health import PlantReport
 from ac_common.safe_command import COMMAND_HOLD_S, CommandHold
 from ac_common.signals import Cabin, Performance
@@ -59,7 +57,6 @@ PARAMETERS = (
     Parameter("ticks", 0, "stop after this many ticks; 0: never", low=0, high=2**31 - 1),
 )
 NO_FAULTS = (0.0,) * len(COMPONENT_KINDS)
-INLET = COMPONENT_KINDS.index(INLET_SENSOR)
 #: A command that is later than this is not counted in the latencies any more.
 MOST_LATE_TICKS = 1000
 #: A wake-up that is late by more than this share of the sample time is counted.
@@ -213,7 +210,7 @@ class PlantNode(LoopNode):
         self.send(time_ns, "plant/superheat", superheat)
         self.send(time_ns, "plant/wall_temperature", wall)
         acted = getattr(self._plant, "acted", self._held)
-        self.send(time_ns, "plant/air_inlet_temperature", float(acted[3]) + self._faults[INLET])
+        self.send(time_ns, "plant/air_inlet_temperature", float(acted[3]))
         self.send(time_ns, "plant/condenser_pressure", p_c)
         self.send(time_ns, "plant/condenser_air_inlet_temperature", float(acted[5]))
         if self._in_car:
@@ -253,7 +250,7 @@ class PlantNode(LoopNode):
             return
         self._faults = sizes
         if isinstance(self._plant, FaultyModel):
-            self._plant.hold_faults(sizes[:INLET])
+            self._plant.hold_faults(sizes)
 
     def on_deadline(self) -> None:
         """Begin the next tick of the wall clock with the newest command."""

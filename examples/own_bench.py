@@ -41,7 +41,8 @@ class Bench(Node):
         super().__init__("my_bench")
         self._hardware = Hardware()
         pressures = ("plant/evaporator_pressure", "plant/condenser_pressure")
-        temperatures = ("plant/superheat", "plant/wall_temperature", "plant/air_inlet_temperature")
+        air = ("plant/air_inlet_temperature", "plant/condenser_air_inlet_temperature")
+        temperatures = ("plant/superheat", "plant/wall_temperature", *air)
         self._senders = {name: self.create_publisher(FluidPressure, name, QUEUE) for name in pressures}
         self._senders |= {name: self.create_publisher(Temperature, name, QUEUE) for name in temperatures}
         self.create_subscription(JointState, "actuator/command", self._commanded, QUEUE)
@@ -61,6 +62,7 @@ class Bench(Node):
             "plant/superheat": Temperature(temperature=superheat),
             "plant/wall_temperature": Temperature(temperature=wall),
             "plant/air_inlet_temperature": Temperature(temperature=30.0),
+            "plant/condenser_air_inlet_temperature": Temperature(temperature=30.0),
         }
         for name, message in values.items():
             message.header.stamp = stamp

@@ -14,8 +14,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ac_common.faults import FAULTS, INLET_SENSOR, KINDS, STICKING, Place, faults_at
-from ac_common.signals import Command, Measurement
+from ac_common.faults import FAULTS, STICKING, Place, faults_at
+from ac_common.signals import READINGS, Command, Inlets, Measurement
 
 Vector = NDArray[np.float64]
 
@@ -23,12 +23,13 @@ _TICKS_AT_ONCE = 200
 _COMPONENTS = tuple(
     (number, fault.lowest_si, fault.largest_si) for number, fault in enumerate(FAULTS) if fault.place is Place.PLANT
 )
-#: Of each of `STICKING`: its number in `FAULTS`, and its place among the readings, of which the inlet air comes last.
-_INLET = len(Measurement._fields)
-_STICKING = tuple((FAULTS.index(fault), fault.index if fault.place is Place.SENSOR else _INLET) for fault in STICKING)
-_INLET_FAULT = KINDS.index(INLET_SENSOR)
-_NOTHING_HELD = (math.nan,) * (_INLET + 1)
-_SENSOR_FAULTS, _ACTUATOR_FAULTS = faults_at(Place.SENSOR), faults_at(Place.ACTUATOR)
+#: Of each of `STICKING`: its number in `FAULTS`, and its place among the readings, of which those of air come last.
+_STICKING = tuple((FAULTS.index(fault), fault.index) for fault in STICKING)
+_N_MEASURED = len(Measurement._fields)
+_NOTHING_HELD = (math.nan,) * len(READINGS)
+_ACTUATOR_FAULTS = faults_at(Place.ACTUATOR)
+_SENSOR_FAULTS = tuple((fault, reading) for fault, reading in faults_at(Place.SENSOR) if reading < _N_MEASURED)
+_INLET_FAULTS = tuple(fault for fault, reading in faults_at(Place.SENSOR) if reading >= _N_MEASURED)
 
 
 class FaultInjector:
@@ -72,37 +73,34 @@ class FaultInjector:
         self._last = list(_NOTHING_HELD)  # readings of the tick before, of a derived superheat the thermocouple's
 
     def stick(
-        self, actual: Sequence[float], air_inlet_c: float, faults: Sequence[float], stuck: Sequence[float]
+        self, actual: Sequence[float], inlets: Sequence[float], faults: Sequence[float], stuck: Sequence[float]
     ) -> Sequence[float]:
         """Return the faults of this tick with what the readings that stand still are off by; to be called first.
 
-        Such a reading stays what it was in the tick before, noise and other faults included: `measure` gives it
-        again bit for bit. That of the inlet air is the plant's, which adds its fault: the same but for rounding.
+        Such a reading stays what it was in the tick before, noise and other faults included: `measure` and
+        `measure_inlets` give it again bit for bit.
 
         Parameters
         ----------
-        actual, faults : sequence of float
-            As in `measure`.
-        air_inlet_c : float
-            Temperature of the inlet air.
+        actual, inlets, faults : sequence of float
+            As in `measure` and `measure_inlets`.
         stuck : sequence of float
             Of each of `ac_common.faults.STICKING`: above zero while its reading stands still.
         """
         if not any(stuck):
             self._held = _NOTHING_HELD
-            self._last[_INLET] = air_inlet_c + faults[_INLET_FAULT]
             return faults
         given, held = list(faults), list(_NOTHING_HELD)
         for (number, reading), is_stuck in zip(_STICKING, stuck, strict=True):
             if is_stuck:
-                now = air_inlet_c if reading == _INLET else actual[reading] + self._saturation_c(actual, reading)
+                air = reading - _N_MEASURED
+                now = inlets[air] if air >= 0 else actual[reading] + self._saturation_c(actual, reading)
                 for before in (self._held[reading], self._last[reading], now):
                     if not math.isnan(before):
                         held[reading] = before
                         break
                 given[number] = held[reading] - now
         self._held = held
-        self._last[_INLET] = air_inlet_c + given[_INLET_FAULT]
         return tuple(given)
 
     def _saturation_c(self, actual: Sequence[float], reading: int) -> float:
@@ -133,15 +131,32 @@ class FaultInjector:
         for fault, reading in _SENSOR_FAULTS:
             measured[reading] += faults[fault]
         if self._held is not _NOTHING_HELD:
-            for reading, held in enumerate(self._held[:_INLET]):
+            for reading, held in enumerate(self._held[:_N_MEASURED]):
                 if not math.isnan(held):
                     measured[reading] = held - self._saturation_c(actual, reading)
-        self._last[:_INLET] = measured
+        self._last[:_N_MEASURED] = measured
         if self._derived:
             own_c = self._saturation_c(actual, 1)
             self._last[1] += own_c
             measured[1] += own_c - self._saturation_temperature(measured[0])
         return Measurement(*measured)
+
+    def measure_inlets(self, inlets: Sequence[float], faults: Sequence[float]) -> Inlets:
+        """Return the readings of the air at both inlets.
+
+        Parameters
+        ----------
+        inlets : sequence of float
+            The fields of `Inlets` as they are.
+        faults : sequence of float
+            As in `measure`.
+        """
+        read = [air_c + faults[fault] for air_c, fault in zip(inlets, _INLET_FAULTS, strict=True)]
+        if self._held is not _NOTHING_HELD:
+            held = self._held[_N_MEASURED:]
+            read = [now if math.isnan(before) else before for now, before in zip(read, held, strict=True)]
+        self._last[_N_MEASURED:] = read
+        return Inlets(*read)
 
     def actuate(self, command: Sequence[float], faults: Sequence[float]) -> Command:
         """Return the command that reaches the plant: with the actuators' faults, and never below standstill.

@@ -19,7 +19,7 @@ from ac_common.fault_profiles import PROFILES, SENSOR_PROFILES, STUCK
 from ac_common.faults import BY_KIND, FAULTS, KINDS, STICKING, Fault
 from ac_common.health import InjectorReport
 from ac_common.safe_command import COMMAND_HOLD_S, CommandHold
-from ac_common.signals import Command, Measurement, topics_of
+from ac_common.signals import Command, Inlets, Measurement, topics_of
 from ac_common.topics import BY_NAME, INJECTOR
 from ac_plant_node.rest import rest_at
 from ac_ros_common.loop_node import LoopNode, run_node
@@ -63,9 +63,9 @@ PARAMETERS = (
     Parameter("seed", 0, "seed of the noise", low=0, high=2**31 - 1),
     *(parameter for fault in FAULTS for parameter in _live_parameters(fault)),
 )
-ACTUAL = topics_of("plant", Measurement)
-MEASURED = topics_of("measured", Measurement)
-SCHEDULE, AIR_INLET = "scenario/faults", "scenario/air_inlet_temperature"
+ACTUAL, MEASURED = ((*topics_of(of, Measurement), *topics_of(of, Inlets)) for of in ("plant", "measured"))
+N_MEASURED = len(Measurement._fields)
+SCHEDULE = "scenario/faults"
 #: Topics of what is injected, and whether one is silent while it is zero.
 TRUTHS = tuple((fault.truth_topic, BY_NAME[fault.truth_topic].silent_at_zero) for fault in FAULTS)
 NO_FAULT: Sequence[float] = (0.0,) * len(FAULTS)
@@ -92,24 +92,23 @@ class InjectorNode(LoopNode):
         self._measured_ns = -1
         self._derived = self.value("superheat_sensor") == "derived"
         rest = rest_at(self.value("operating_point"))
-        self._actual = Measurement(*rest["outputs"].tolist())
-        self._air_inlet_c = float(rest["inputs"][3])
+        self._actual = [*rest["outputs"].tolist(), float(rest["inputs"][3]), float(rest["inputs"][5])]
         self._tick_ns = round(1e9 * self.sample_time_s)
         self._early: tuple[int, float, float] | None = None  # a command that overtook its tick's measurement
         self._hold = CommandHold(rest["inputs"][:2], self.sample_time_s, self.value("command_hold_s"))
         # Before the first command of a run there is nothing to miss.
         self._commanded_ns = 0 if self.run_start_ns >= 0 else None
         self.on_tick(
-            (*ACTUAL, AIR_INLET, SCHEDULE),
+            (*ACTUAL, SCHEDULE),
             self._measure,
-            holds_s={SCHEDULE: math.inf, AIR_INLET: math.inf},
-            optional=(*ACTUAL, AIR_INLET),
+            holds_s={SCHEDULE: math.inf},
+            optional=ACTUAL,
             patience=0.3,
         )
         self.on_tick(("controller/command",), self._actuate)
 
     def _measure(self, time_ns: int, *values: float | None) -> None:
-        actual, (air_inlet_c, *scheduled) = values[: len(ACTUAL)], values[len(ACTUAL) :]
+        actual, scheduled = values[: len(ACTUAL)], values[len(ACTUAL) :]
         missing = [value is None for value in actual]
         if all(missing):
             return
@@ -123,16 +122,14 @@ class InjectorNode(LoopNode):
         while len(self._open) > MOST_OPEN_TICKS:
             del self._open[min(self._open)]
         # What has not come from the plant is not made up here.
-        self._actual = Measurement(
-            *(last if value is None else value for value, last in zip(actual, self._actual, strict=True))
-        )
-        if air_inlet_c is not None:
-            self._air_inlet_c = air_inlet_c
-        faults = self._injector.stick(self._actual, self._air_inlet_c, faults, stuck)
+        self._actual = [last if value is None else value for value, last in zip(actual, self._actual, strict=True)]
+        outputs, inlets = self._actual[:N_MEASURED], self._actual[N_MEASURED:]
+        faults = self._injector.stick(outputs, inlets, faults, stuck)
         if self._derived:
             missing[1] = missing[1] or missing[0]
-        measured = self._injector.measure(self._actual, faults)
-        for topic, value, is_missing in zip(MEASURED, measured, missing, strict=True):
+        measured = self._injector.measure(outputs, faults)
+        readings = (*measured, *self._injector.measure_inlets(inlets, faults))
+        for topic, value, is_missing in zip(MEASURED, readings, missing, strict=True):
             if not is_missing:
                 self.send(time_ns, topic, value)
         self.send(time_ns, "component/faults", *components(faults))

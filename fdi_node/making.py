@@ -5,11 +5,8 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from ac_common.design_file import ENVELOPE, PAPER, DesignKind, kind_of
-from ac_common.signals import Measurement, topics_of
+from ac_common.signals import Inlets, Measurement, topics_of
 from fdi_node.detector import Detection
-
-#: What a detector may be told of the air, in this order.
-INLET_TEMPERATURES = ("plant/air_inlet_temperature", "plant/condenser_air_inlet_temperature")
 
 
 class Detector(Protocol):
@@ -42,7 +39,7 @@ class DetectorKind(DesignKind):
     readings : int
         How many of the fields of `Measurement` it is told.
     inlets : int
-        How many of `INLET_TEMPERATURES`.
+        How many of the fields of `Inlets`.
     """
 
     readings: int
@@ -51,7 +48,8 @@ class DetectorKind(DesignKind):
     @property
     def topics(self) -> tuple[str, ...]:
         """Topics of what it is told, the readings first."""
-        return (*topics_of("measured", Measurement)[: self.readings], *INLET_TEMPERATURES[: self.inlets])
+        readings, inlets = topics_of("measured", Measurement), topics_of("measured", Inlets)
+        return (*readings[: self.readings], *inlets[: self.inlets])
 
 
 KINDS = (

@@ -49,7 +49,7 @@ PARAMETERS = (
 )
 
 #: Bounds the references, where the design says how near its temperature the refrigerant may come.
-AIR_INLET = "plant/air_inlet_temperature"
+AIR_INLET = "measured/air_inlet_temperature"
 #: How long the last measurement stands in for a missing one, s.
 MEASUREMENT_HOLD_S = 0.5
 #: How long a controller that joins a run waits to be told what the actuators do, s.

@@ -45,8 +45,11 @@ PLANT_FAULTS = {
 
 A valve that is stuck or slow is the offset that its command and its opening are apart."""
 
-SENSOR_FAULTS = {fault.kind: fault.signal for fault in FAULTS if fault.place is Place.SENSOR}
+_SENSORS = {fault.kind: fault.signal for fault in FAULTS if fault.place is Place.SENSOR}
+SENSOR_FAULTS = {kind: reading for kind, reading in _SENSORS.items() if reading in READINGS}
 """Faults of sensors, and their readings. Bias, drift, noise and a reading that stands still are one column."""
+AIR_FAULTS = {kind: disturbance for kind, disturbance in _SENSORS.items() if disturbance not in READINGS}
+"""Faults of the sensors of measured disturbances: what is subtracted for air that is not so warm."""
 
 INLET, AMBIENT = "air_inlet_temperature", "condenser_air_inlet_temperature"
 FREQUENCIES_RAD_S = np.geomspace(1.0e-4, 1.0, 13)
@@ -83,8 +86,8 @@ class SensorSet:
     def faults(self) -> tuple[str, ...]:
         """Faults that there are: of a sensor only where there is the sensor."""
         sensors = (kind for kind, reading in SENSOR_FAULTS.items() if reading in self.readings)
-        inlet = ("air_inlet_sensor",) if INLET in self.measured else ()
-        return (*PLANT_FAULTS, *sensors, *inlet)
+        air = (kind for kind, disturbance in AIR_FAULTS.items() if disturbance in self.measured)
+        return (*PLANT_FAULTS, *sensors, *air)
 
 
 _THREE, _FOUR = tuple(READINGS)[:3], tuple(READINGS)
@@ -167,8 +170,8 @@ def responses(point: str, sensors: SensorSet, frequencies_rad_s: Matrix) -> tupl
     def column(kind: str) -> Columns:
         if kind in PLANT_FAULTS:
             return np.asarray(gains[:, :, _INPUTS.index(PLANT_FAULTS[kind])])
-        if kind == "air_inlet_sensor":  # what is subtracted for an inlet temperature that is not there
-            return np.asarray(-gains[:, :, _INPUTS.index(INLET)])
+        if kind in AIR_FAULTS:
+            return np.asarray(-gains[:, :, _INPUTS.index(AIR_FAULTS[kind])])
         unit = np.equal(sensors.readings, SENSOR_FAULTS[kind]) / scale
         return np.broadcast_to(unit, gains.shape[:2]).astype(np.complex128)
 

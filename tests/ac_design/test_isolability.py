@@ -8,6 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from ac_design.analysis.isolability import (
     _INPUTS,
+    AIR_FAULTS,
     LITTLE_LEFT,
     NOTHING_LEFT,
     PLANT_FAULTS,
@@ -71,7 +72,7 @@ def test_rank_by_the_system_matrix(sensors) -> None:
     def column(kind: str) -> tuple[str, str]:
         if kind in PLANT_FAULTS:
             return "input", PLANT_FAULTS[kind]
-        return ("input", "air_inlet_temperature") if kind == "air_inlet_sensor" else ("reading", SENSOR_FAULTS[kind])
+        return ("input", AIR_FAULTS[kind]) if kind in AIR_FAULTS else ("reading", SENSOR_FAULTS[kind])
 
     unknown = [("input", name) for name in sensors.unknown]
     result, kinds = RESULTS[sensors.name], sensors.faults

@@ -45,8 +45,8 @@ def make_recording(scenario: Scenario, passive: bool = False) -> Recording:
     series["actuator/command:compressor"] = command + plan.faults[:, 0]
     series["actuator/command:expansion_valve"] = series["controller/command:expansion_valve"]
     series |= dict(zip([BY_NAME[topic].series[0] for topic in AIR_SIDE], plan.air.T, strict=True))
-    series["plant/air_inlet_temperature"] = series["scenario/air_inlet_temperature"]
-    series["plant/condenser_air_inlet_temperature"] = series["scenario/condenser_air_inlet_temperature"]
+    for name in ("air_inlet_temperature", "condenser_air_inlet_temperature"):
+        series[f"plant/{name}"] = series[f"measured/{name}"] = series[f"scenario/{name}"]
     lag = 1 - np.exp(-np.maximum(time_s[:, None] - np.array([_onset(scenario, kind) for kind in KINDS]), 0) / 10)
     for i, fault in enumerate(FAULTS):
         series[truth_of(fault.kind)] = plan.faults[:, i].copy()

@@ -150,10 +150,6 @@ def test_the_cabin_is_soaked_or_as_it_is_given() -> None:
             "air and car both say what the air does; give one of them",
         ),
         (
-            {**made(), "faults": [{"kind": "air_inlet_sensor", "profile": "stuck", "onset_s": 1, "size_k": 0}]},
-            "faults.0: air_inlet_sensor cannot be stuck in a car, where the inlet air is a result",
-        ),
-        (
             {**made(compressor_drive="belt"), "passive": False},
             "car.compressor_drive: belt needs passive: true, since the compensators move the compressor, too",
         ),

@@ -32,7 +32,10 @@ CAR_ON_THE_BELT = {
         "cabin": 33,
         "compressor_drive": "belt",
     },
-    "faults": [{"kind": "condenser_fan", "size_percent": 60, "onset_s": 3}],
+    "faults": [
+        {"kind": "condenser_fan", "size_percent": 60, "onset_s": 3},
+        {"kind": "air_inlet_sensor", "profile": "stuck", "onset_s": 3.5},
+    ],
     "noise": {"superheat_k": 0.02, "seed": 3},
 }
 

@@ -19,6 +19,7 @@ NOISE = {"evaporator_pressure_kpa": 0.05, "superheat_k": 0.05, "wall_temperature
 AIR = {
     "mass_flow_percent": [{"at_s": 0.5, "to": 10.0, "ramp_s": 5}],
     "inlet_temperature_k": [{"at_s": 0.5, "to": 2.0, "ramp_s": 5}],
+    "condenser_inlet_temperature_k": [{"at_s": 0.5, "to": 2.0, "ramp_s": 5}],
 }
 
 
@@ -37,7 +38,7 @@ def test_graph_gives_the_numbers_of_the_simulation(tmp_path: Path) -> None:
 
 
 @pytest.mark.clock
-@pytest.mark.parametrize("kind", ["condenser_pressure_sensor", "air_inlet_sensor"])
+@pytest.mark.parametrize("kind", ["condenser_pressure_sensor", "condenser_air_sensor"])
 def test_a_live_sensor_sticks_and_comes_back(operator: Operator, tmp_path: Path, kind: str) -> None:
     acted: list[int] = [0]
 
