@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ac_common.units import KPA, RPM
+from ac_experiments.car_schema import over_time
 from ac_experiments.energy import car_figures, energies_j
 from ac_experiments.metrics import summarise
 from ac_experiments.recording import Recording
@@ -63,6 +64,23 @@ def test_sc03_as_the_epa_runs_it() -> None:
     page = render(recording)
     assert "kJ) of compressor work" in page
     assert "Air of the cabin" in page
+
+
+def test_sc03_with_a_drive_that_is_always_at_hand(tmp_path: Path) -> None:
+    """The first 600 s of the shipped city drive have the mean and top speed of SC03, and stand still as often."""
+    city = load("city").car
+    assert city is not None
+    time_s = np.arange(601.0)
+    speed_km_h = over_time(city.vehicle_speed_km_h, time_s)
+    assert speed_km_h.mean() == pytest.approx(34.5, rel=0.03)
+    assert speed_km_h.max() == pytest.approx(88.2, rel=0.08)
+    assert np.mean(speed_km_h < 0.5) == pytest.approx(0.2, abs=0.05)
+    file = tmp_path / "drive.csv"
+    np.savetxt(file, np.column_stack([time_s, speed_km_h / 1.609344]), "%g", ",", header="s,mph", comments="")
+    recording = run("sc03", f"car.drive_cycle={file}")
+    assert rms(error(recording, "evaporator_pressure", 0.0)) < 3.0 * KPA  # the first step of 50 kPa included
+    assert summarise(recording)["distance_km"] == pytest.approx(np.trapezoid(speed_km_h, time_s) / 3600.0, rel=1e-3)
+    assert summarise(recording)["cabin_temperature_c"] < 25.0
 
 
 def test_city_on_the_belt() -> None:
