@@ -158,7 +158,7 @@ _READINGS = {
         PRESSURE,
         "condenser",
         "p_c, actual",
-        "p_c with noise; the linear designs do not use it",
+        "p_c with noise; K0's protection uses it, the linear designs do not",
     ),
     "air_inlet_temperature": (
         TEMPERATURE,
@@ -227,7 +227,7 @@ TOPICS: tuple[Topic, ...] = (
     _reading(INJECTOR, "evaporator_pressure", FDI, CONTROLLER),
     _reading(INJECTOR, "superheat", FDI, CONTROLLER),
     _reading(INJECTOR, "wall_temperature", FDI),
-    _reading(INJECTOR, "condenser_pressure"),
+    _reading(INJECTOR, "condenser_pressure", CONTROLLER),
     _reading(INJECTOR, "air_inlet_temperature", FDI, CONTROLLER),
     _reading(INJECTOR, "condenser_air_inlet_temperature"),
     Topic(
@@ -393,7 +393,7 @@ CABIN_SERIES: tuple[str, ...] = BY_NAME["plant/car"].series
 WITH_ENVELOPE: dict[str, tuple[str, ...]] = {
     "measured/condenser_air_inlet_temperature": (FDI,),
     **dict.fromkeys(("measured/evaporator_pressure", "measured/superheat"), (FDI, COMPENSATOR, CONTROLLER)),
-    "measured/condenser_pressure": (FDI,),
+    "measured/condenser_pressure": (FDI, CONTROLLER),
     "controller/command": (INJECTOR, FDI, COMPENSATOR),
     **{topic.name: () for topic in TOPICS if topic.name.startswith("fdi/innovation/")},
     **{fault.residual_topic: (COMPENSATOR,) for fault in ISOLABLE},

@@ -396,6 +396,11 @@ class Scenario(Part):
         return self.car is not None and self.car.has_belt
 
     @property
+    def measures_head(self) -> bool:
+        """Whether the condenser pressure is measured: but for a list of sensors that leaves it out."""
+        return "p_c" in self.envelope_sensors
+
+    @property
     def envelope_sensors(self) -> tuple[str, ...]:
         """The sensors that the envelope's design uses: those of the list; a number is about the paper's designs."""
         return tuple(self.sensors) if isinstance(self.sensors, list) else SENSORS

@@ -153,7 +153,7 @@ class _Loop:
         from fdi_node.making import make_detector
         from gimc_controller_node.accommodation import make_compensator
         from gimc_controller_node.making import make_controller
-        from gimc_controller_node.protection import ON_THE_BELT
+        from gimc_controller_node.protection import limits_for
 
         check_controller_of(scenario)
 
@@ -174,7 +174,9 @@ class _Loop:
         self._compensator, kind = make_compensator(designs.compensator, accommodate)
         self._signal = attrgetter(kind.reads)
         self._controller = make_controller(
-            designs.controller, scenario.controller_class, ON_THE_BELT if scenario.has_belt else None
+            designs.controller,
+            scenario.controller_class,
+            limits_for(has_belt=scenario.has_belt, measures_head=scenario.measures_head),
         )
         self._outputs: list[float] = (rest if self._car is None else self._car).outputs.tolist()
         # The plant reports the inlet temperatures that acted until now: those held over the sample just past.
@@ -202,7 +204,7 @@ class _Loop:
         reading[0], reading[1], reading[2] = measured[:3]
         if car:
             self._controller.drive(CarSide(*car).belt_speed)
-        command = self._controller.step(reference, reading, q, inlets[0])
+        command = self._controller.step(reference, reading, q, inlets[0], measured[3])
         commanded = command.tolist()
         self._detector.commanded(commanded)
         self._compensator.commanded(commanded)

@@ -37,7 +37,8 @@ class FallbackController:
         self._controller = controller
         self._limits = limits or ProtectionLimits()
         self.protection: Protection = IDLE
-        self._lowest = self._limits.lowest_pressure_pa, self._limits.lowest_superheat_k
+        own = self._limits
+        self._within = own.lowest_pressure_pa, own.lowest_superheat_k, own.highest_head_pa
         self._references = ReferenceLimits(self._limits, controller.design.approach_k)
         self.bound = ""
         self._command = controller.design.command_rest.copy()
@@ -51,7 +52,12 @@ class FallbackController:
         self._command = np.array(command, dtype=np.float64)
 
     def step(
-        self, reference: Vector, measured: Vector, q: Vector | None, air_inlet_temperature_c: float | None = None
+        self,
+        reference: Vector,
+        measured: Vector,
+        q: Vector | None,
+        air_inlet_temperature_c: float | None = None,
+        condenser_pressure_pa: float | None = None,
     ) -> Command:
         """Return the command of a tick with references and measurements; what may be None is missing."""
         wanted_pressure, wanted_superheat = reference.tolist()
@@ -60,7 +66,7 @@ class FallbackController:
         )
         if self.bound:
             reference = np.array([pressure, superheat])
-        self._protect(*measured[:2].tolist())
+        self._protect(*measured[:2].tolist(), condenser_pressure_pa or 0.0)
         if self.mode == SAFE:
             self._controller.warm_restart(self._command, measured, reference)
         command = self._controller.step(reference, measured, q)
@@ -70,17 +76,17 @@ class FallbackController:
         self._command = command
         return command
 
-    def _protect(self, pressure: float, superheat: float) -> None:
+    def _protect(self, pressure: float, superheat: float, head: float) -> None:
         """Move the caps on the command for these readings."""
-        if self.protection is IDLE and pressure >= self._lowest[0] and superheat >= self._lowest[1]:
+        lowest, driest, highest = self._within
+        if self.protection is IDLE and pressure >= lowest and superheat >= driest and head <= highest:
             return  # as `protect` would find, in less time
         speed, opening = self._command.tolist()
-        protection = protect(
-            self.protection, (pressure, superheat), (speed, opening), self._limits, self._sample_time_s
-        )
+        seen = (pressure, superheat, head)
+        protection = protect(self.protection, seen, (speed, opening), self._limits, self._sample_time_s)
         if protection is not self.protection:
             self.protection = protection
-            self._controller.cap(protection.speed.value, protection.opening.value)
+            self._controller.cap(protection.fastest, protection.opening.value)
 
     @property
     def does(self) -> str:

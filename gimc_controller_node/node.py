@@ -22,12 +22,13 @@ from ac_ros_common.parameters import (
     Parameter,
 )
 from ac_ros_common.stuck_sensor import STUCK_S, StuckSensor
-from gimc_controller_node.protection import ProtectionLimits
+from gimc_controller_node.protection import NO_HIGHEST_HEAD_PA, ProtectionLimits
 
 #: Fields of `ProtectionLimits` that are parameters, with what they may be.
 LIMITS = {
     "lowest_pressure_pa": (0.0, 1e6, "evaporator pressure below which the compressor speed is capped, Pa"),
     "lowest_superheat_k": (0.0, 50.0, "superheat below which the valve opening is capped, K"),
+    "highest_head_pa": (0.0, NO_HIGHEST_HEAD_PA, "condenser pressure above which the compressor speed is capped, Pa"),
     "release_s": (0.0, 600.0, "how long a command must be below its cap before the cap is gone, s"),
 }
 PARAMETERS = (
@@ -50,6 +51,8 @@ PARAMETERS = (
 
 #: Bounds the references, where the design says how near its temperature the refrigerant may come.
 AIR_INLET = "measured/air_inlet_temperature"
+#: What the protection goes by beside the controlled outputs, where there is such a sensor.
+HEAD = "measured/condenser_pressure"
 #: How long the last measurement stands in for a missing one, s.
 MEASUREMENT_HOLD_S = 0.5
 #: How long a controller that joins a run waits to be told what the actuators do, s.
@@ -89,6 +92,7 @@ class ControllerNode(LoopNode):
                 "measured/superheat",
                 "compensator/q",
                 AIR_INLET,
+                HEAD,
                 *drive,
             ),
             self._step,
@@ -98,8 +102,9 @@ class ControllerNode(LoopNode):
                 "reference/superheat": math.inf,
                 "measured/evaporator_pressure": MEASUREMENT_HOLD_S,
                 "measured/superheat": MEASUREMENT_HOLD_S,
+                HEAD: MEASUREMENT_HOLD_S,
             },
-            optional=("compensator/q", AIR_INLET),
+            optional=("compensator/q", AIR_INLET, HEAD),
             patience=PATIENCE,
             on_missed_inputs=self._on_missed_inputs,
         )
@@ -115,9 +120,9 @@ class ControllerNode(LoopNode):
         if self._joins and not self._take_over(measured, reference):
             return
         q = None if values[4] is None else np.array(values[4:6])
-        if len(values) > 7:
-            self._controller.drive(CarSide(*values[7:]).belt_speed)
-        self._send(time_ns, self._controller.step(reference, measured, q, values[6]))
+        if len(values) > 8:
+            self._controller.drive(CarSide(*values[8:]).belt_speed)
+        self._send(time_ns, self._controller.step(reference, measured, q, *values[6:8]))
 
     def _on_missed_inputs(self, time_ns: int) -> None:
         if not self._joins:

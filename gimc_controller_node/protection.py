@@ -1,12 +1,13 @@
-"""What the plant is asked to do stays physical: caps on the command when it is too cold or the superheat is gone.
+"""What the plant is asked to do stays physical: caps on the command when pressures or superheat are not.
 
 Below a lowest evaporator pressure the coil ices up and the compressor runs on next to nothing; the low-pressure switch
-of an air conditioner opens there. Below a lowest superheat liquid may reach the compressor ("slugging"). What helps is
-known without a model: less speed against the one, less valve opening against the other. So while the pressure
-(superheat) is below its lowest value, a cap on the speed (opening) comes down from what the command is, in a ramp; when
-it is well above, the cap goes up again, slowly, and when the command has been below it for a while it is gone. This is
-the override (selector) control of process engineering: the controller stays in the loop, and may do more of the same;
-its anti-windup (see `Controller`) takes care of the rest.
+of an air conditioner opens there. Above a highest condenser pressure the limiter takes the compressor off load: more
+speed is then more power for no more cooling. Below a lowest superheat liquid may reach the compressor ("slugging").
+What helps is known without a model: less speed against the first two, less valve opening against the third. So while a
+pressure (superheat) is beyond its limit, a cap on the speed (opening) comes down from what the command is, in a ramp;
+when it is well within, the cap goes up again, slowly, and when the command has been below it for a while it is gone.
+This is the override (selector) control of process engineering: the controller stays in the loop, and may do more of the
+same; its anti-windup (see `Controller`) takes care of the rest.
 
 A reference that low is not even tried: the controller would be driven there again and again.
 """
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 from ac_common.units import RPM
 
 COLD = "evaporator pressure too low (freezing): compressor speed is capped"
+HIGH = "condenser pressure too high: compressor speed is capped"
 DRY = "superheat too low (liquid to the compressor): valve opening is capped"
 
 
@@ -40,8 +42,10 @@ class ProtectionLimits:
     ----------
     lowest_pressure_pa, lowest_superheat_k : float
         Below it for `confirm_s` the protection acts.
-    pressure_margin_pa, superheat_margin_k : float
-        A cap goes up again while what it protects is above its lowest value plus this; references are kept above it.
+    highest_head_pa : float
+        The same for the condenser pressure above it.
+    pressure_margin_pa, superheat_margin_k, head_margin_pa : float
+        A cap goes up again while what it protects is within its limit by more than this; references are kept so, too.
     confirm_s : float
     release_s : float
         A cap is gone when the command has been below it for so long.
@@ -53,8 +57,10 @@ class ProtectionLimits:
 
     lowest_pressure_pa: float = 160e3
     lowest_superheat_k: float = 3.0
+    highest_head_pa: float = 2.9e6
     pressure_margin_pa: float = 15e3
     superheat_margin_k: float = 5.0
+    head_margin_pa: float = 100e3
     confirm_s: float = 0.3
     release_s: float = 10.0
     speed_rate_rad_s2: float = 100.0 * RPM
@@ -69,8 +75,13 @@ class ProtectionLimits:
 
     @property
     def speed_guard(self) -> Guard:
-        """Of the cap on the speed: Pa, rad/s, rad/s^2."""
+        """Of the cap on the speed for the evaporator pressure: Pa, rad/s, rad/s^2."""
         return Guard(self.pressure_margin_pa, self.least_speed_rad_s, self.speed_rate_rad_s2)
+
+    @property
+    def head_guard(self) -> Guard:
+        """Of the cap on the speed for the condenser pressure: Pa, rad/s, rad/s^2."""
+        return Guard(self.head_margin_pa, self.least_speed_rad_s, self.speed_rate_rad_s2)
 
     @property
     def opening_guard(self) -> Guard:
@@ -85,8 +96,20 @@ class ProtectionLimits:
         )
 
 
-ON_THE_BELT = ProtectionLimits(lowest_pressure_pa=0.0)
-"""Limits where an engine turns the compressor: no cap on its speed would be heard, and p_e is nobody's to hold."""
+NO_HIGHEST_HEAD_PA = 1.0e7
+"""`ProtectionLimits.highest_head_pa` where no condenser pressure is too high."""
+
+
+def limits_for(*, has_belt: bool, measures_head: bool) -> ProtectionLimits:
+    """Return the limits of a loop.
+
+    Where an engine turns the compressor no cap on its speed would be heard, and p_e is nobody's to hold; without a
+    sensor of the condenser pressure there is nothing to go by.
+    """
+    lowest_pa = 0.0 if has_belt else ProtectionLimits.lowest_pressure_pa
+    head_pa = ProtectionLimits.highest_head_pa if measures_head and not has_belt else NO_HIGHEST_HEAD_PA
+    return ProtectionLimits(lowest_pressure_pa=lowest_pa, highest_head_pa=head_pa)
+
 
 UP = 0.2
 """How fast a cap goes up, as a part of how fast it comes down."""
@@ -114,15 +137,22 @@ FREE = Cap()
 
 
 class Protection(NamedTuple):
-    """The caps on speed [rad/s] and opening [0..1] after a tick."""
+    """The caps on speed [rad/s] and opening [0..1] after a tick; `head` is one on the speed, too."""
 
     speed: Cap = FREE
     opening: Cap = FREE
+    head: Cap = FREE
+
+    @property
+    def fastest(self) -> float:
+        """Highest speed that is allowed, rad/s."""
+        return min(self.speed.value, self.head.value)
 
     @property
     def reason(self) -> str:
-        """`COLD`, `DRY`, both, or empty: which caps there are."""
-        return "; ".join(why for cap, why in ((self.speed, COLD), (self.opening, DRY)) if cap.value < math.inf)
+        """`COLD`, `HIGH`, `DRY`, some of them, or empty: which caps there are."""
+        caps = ((self.speed, COLD), (self.head, HIGH), (self.opening, DRY))
+        return "; ".join(why for cap, why in caps if cap.value < math.inf)
 
 
 IDLE = Protection()
@@ -130,7 +160,7 @@ IDLE = Protection()
 
 def protect(
     state: Protection,
-    measured: tuple[float, float],
+    measured: tuple[float, float, float],
     command: tuple[float, float],
     limits: ProtectionLimits,
     sample_time_s: float,
@@ -142,7 +172,8 @@ def protect(
     state
         After the tick before; `IDLE` at first.
     measured
-        Evaporator pressure [Pa] and superheat [K] in this tick.
+        Evaporator pressure [Pa], superheat [K] and condenser pressure [Pa] in this tick; 0 for a condenser pressure
+        that is not measured.
     command
         Compressor speed [rad/s] and valve opening [0..1] of the tick before.
     limits, sample_time_s
@@ -152,8 +183,9 @@ def protect(
     Protection
         `IDLE` itself when there is nothing to do.
     """
-    pressure, superheat = measured
-    if state is IDLE and pressure >= limits.lowest_pressure_pa and superheat >= limits.lowest_superheat_k:
+    pressure, superheat, head = measured
+    within = pressure >= limits.lowest_pressure_pa and superheat >= limits.lowest_superheat_k
+    if state is IDLE and within and head <= limits.highest_head_pa:
         return state
     speed = _moved(
         state.speed, pressure - limits.lowest_pressure_pa, command[0], limits.speed_guard, limits, sample_time_s
@@ -161,11 +193,12 @@ def protect(
     opening = _moved(
         state.opening, superheat - limits.lowest_superheat_k, command[1], limits.opening_guard, limits, sample_time_s
     )
-    return IDLE if speed == opening == FREE else Protection(speed, opening)
+    high = _moved(state.head, limits.highest_head_pa - head, command[0], limits.head_guard, limits, sample_time_s)
+    return IDLE if speed == opening == high == FREE else Protection(speed, opening, high)
 
 
 def _moved(cap: Cap, above: float, command: float, guard: Guard, limits: ProtectionLimits, sample_time_s: float) -> Cap:
-    """Return a cap after one tick; `above` is by how much what it protects is above its lowest value."""
+    """Return a cap after one tick; `above` is by how much what it protects is within its limit."""
     stride = guard.rate * sample_time_s
     low_s = cap.low_s + sample_time_s if above < 0.0 else 0.0
     value = cap.value

@@ -17,7 +17,7 @@ from ac_experiments.versions import versions
 from bringup.launch.process_table import PROCESSES
 from bringup.launch.processes import Child, start, stop
 from bringup.launch.user_nodes import UserNodes
-from gimc_controller_node.protection import ON_THE_BELT
+from gimc_controller_node.protection import ProtectionLimits, limits_for
 
 Mode = Literal["lockstep", "realtime"]
 
@@ -159,8 +159,10 @@ def _loop_parameters(scenario: Scenario, log: Path, mode: Mode, passive: bool) -
         cabin = vars(cabin_of(scenario.car))
         parameters[PLANT] |= {"in_car": True, **{f"cabin.{name}": value for name, value in cabin.items()}}
         parameters[CONTROLLER]["in_car"] = True
-    if scenario.has_belt:
-        parameters[CONTROLLER]["protection.lowest_pressure_pa"] = ON_THE_BELT.lowest_pressure_pa
+    usual, limits = ProtectionLimits(), limits_for(has_belt=scenario.has_belt, measures_head=scenario.measures_head)
+    for name, value in vars(limits).items():
+        if value != getattr(usual, name):
+            parameters[CONTROLLER][f"protection.{name}"] = value
     if scenario.controller_class:
         parameters[CONTROLLER]["controller_class"] = scenario.controller_class
     for name, given in parameters.items():

@@ -46,7 +46,8 @@ MEANING = {
     "sample_time_s": "sample time of the loop",
     "passive": "true: K0 alone, the compensator stays silent",
     "sensors": "3: p_e, superheat and the wall thermocouple; 2: without the thermocouple, K0 alone (`passive: true`); "
-    "a list says the same by name, and p_c besides: it is recorded, but the linear designs do not use it",
+    "a list says the same by name, and p_c besides: the linear designs do not use it, but K0's protection does, "
+    "unless a list leaves it out",
     "superheat_sensor": "direct: superheat is measured; derived: from an outlet thermocouple and the measured pressure",
     "design": "designs of the operating point after the paper, or one for the whole envelope with the same structure",
     "controller": "tracking: K0 holds both references; paper: K0 after the paper's passive case, which leaves SH "
