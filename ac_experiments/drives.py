@@ -14,6 +14,7 @@ import numpy as np
 DURATION_S, _TICK_S = 1500.0, 0.1
 FAMILY = "drive"
 _NAME = re.compile(rf"{FAMILY}:(\d{{1,10}})")
+_RUN = re.compile(rf"{FAMILY}-(\d{{1,10}})")
 _Changes = list[dict[str, float]]
 _Draws = tuple[float, float]
 
@@ -22,6 +23,11 @@ def seed_of(name: str) -> int | None:
     """Return the seed in a name such as `drive:123`; None for another name."""
     found = _NAME.fullmatch(name)
     return int(found[1]) if found else None
+
+
+def name_of(run: str) -> str:
+    """Return the name by which the scenario of a run is loaded: `drive:123` for the run `drive-123`, else as it is."""
+    return _RUN.sub(rf"{FAMILY}:\1", run) if _RUN.fullmatch(run) else run
 
 
 def drive(seed: int) -> dict[str, Any]:

@@ -261,16 +261,16 @@ SENSORS = ("p_e", "superheat", "T_w", "p_c")
 
 @dataclass(frozen=True)
 class SensorChoice:
-    """Allows the number of sensors that the designs use, or a list of the sensors there are."""
+    """Allows the number of sensors that the designs use, from the first on, or a list of the sensors there are."""
 
     names: tuple[str, ...] = SENSORS
 
     def __call__(self, given: Any) -> int | list[str]:
         """Give `given` back, or raise when it is neither."""
-        if type(given) is int and given in (2, 3):
+        if type(given) is int and given in (2, 3, 4):
             return given
         if not isinstance(given, list):
-            msg = f"given {quoted(given)}; allowed: 2, 3 or a list out of {', '.join(self.names)}"
+            msg = f"given {quoted(given)}; allowed: 2, 3, 4 or a list out of {', '.join(self.names)}"
             raise ValueError(msg)
         for name in given:
             if name not in self.names:
@@ -294,15 +294,23 @@ class Scenario(Part):
     duration_s: float = Field(gt=0.0, le=86400.0)
     sample_time_s: float = Field(default=DEFAULT_SAMPLE_TIME_S, ge=SHORTEST_SAMPLE_TIME_S, le=LONGEST_SAMPLE_TIME_S)
     passive: bool = False
-    sensors: Annotated[int | list[str], PlainValidator(SensorChoice())] = 3
+    sensors: Annotated[int | list[str], PlainValidator(SensorChoice())] = 4
     superheat_sensor: Literal["direct", "derived"] = "direct"
-    design: Literal["paper", "envelope"] = "paper"
+    design: Literal["paper", "envelope"] = "envelope"
     controller: Annotated[str, AfterValidator(ControllerName())] = "tracking"
     references: References = References()
     air: Air = Air()
     car: Car | None = None
     faults: list[AnyFault] = Field(default=[])
     noise: Noise = Noise()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _design_for_a_belt(cls, given: Any) -> Any:
+        """Take the one design there is with a compressor on the belt, where the scenario says nothing of it."""
+        car = given.get("car") if isinstance(given, Mapping) else None
+        is_belt = isinstance(car, Mapping) and car.get("compressor_drive") == "belt"
+        return {"design": "paper", **given} if is_belt else given
 
     @model_validator(mode="after")
     def _within_the_run(self) -> "Scenario":
@@ -364,7 +372,7 @@ class Scenario(Part):
     @model_validator(mode="after")
     def _controller_fits(self) -> "Scenario":
         if self.design == "envelope" and self.controller == "paper":
-            msg = "controller: paper needs design: paper; the envelope has one K0 of its own"
+            msg = "controller: paper needs design: paper; design: envelope has one K0 of its own"
             raise ValueError(msg)
         return self
 
@@ -397,18 +405,18 @@ class Scenario(Part):
 
     @property
     def measures_head(self) -> bool:
-        """Whether the condenser pressure is measured: but for a list of sensors that leaves it out."""
+        """Whether the condenser pressure is among the sensors."""
         return "p_c" in self.envelope_sensors
 
     @property
     def envelope_sensors(self) -> tuple[str, ...]:
-        """The sensors that the envelope's design uses: those of the list; a number is about the paper's designs."""
-        return tuple(self.sensors) if isinstance(self.sensors, list) else SENSORS
+        """The sensors that the envelope's design uses."""
+        return tuple(self.sensors) if isinstance(self.sensors, list) else SENSORS[: self.sensors]
 
     @property
     def design_sensors(self) -> int:
-        """How many sensors the designs use: 3, or 2 without the wall thermocouple; they have no use for p_c."""
-        return (3 if "T_w" in self.sensors else 2) if isinstance(self.sensors, list) else self.sensors
+        """How many sensors the paper's designs use: 3, or 2 without the wall thermocouple; they have no use for p_c."""
+        return 3 if "T_w" in self.envelope_sensors else 2
 
     @property
     def controller_class(self) -> str:

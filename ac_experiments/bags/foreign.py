@@ -4,13 +4,15 @@ from typing import Any
 
 import numpy as np
 
+from ac_common.design_file import ENVELOPE, PAPER
+from ac_common.fdi_status import status_row
 from ac_common.sample_time import LONGEST_SAMPLE_TIME_S, SHORTEST_SAMPLE_TIME_S
 from ac_common.topics import BY_NAME
-from ac_common.wire import NANOSECONDS, columns, stamp_ns, stamps_ns
+from ac_common.wire import NANOSECONDS, columns, read_diagnostics, stamp_ns, stamps_ns
 
 #: The topic with which a tick begins, and what tells the operating point.
 BEAT, REFERENCE = "plant/evaporator_pressure", "reference/evaporator_pressure"
-ADDED = "compensator/q"
+ADDED, FDI_STATUS = "compensator/q", "fdi/status"
 POINTS = ("low", "med", "high")
 #: Stamps from then on are the wall clock's: a lockstep run counts from 0.
 WALL_CLOCK_NS = 10**9 * NANOSECONDS
@@ -39,6 +41,7 @@ def inferred_run(messages: dict[str, list[bytes]]) -> dict[str, Any] | None:
     return {
         "scenario": {
             "name": "recorded",
+            "design": _design(messages.get(FDI_STATUS, [])),
             "operating_point": _nearest_point(pressure_pa),
             "duration_s": ticks * sample_time_s,
             "sample_time_s": sample_time_s,
@@ -49,6 +52,17 @@ def inferred_run(messages: dict[str, list[bytes]]) -> dict[str, Any] | None:
         "ticks": ticks,
         "inferred": True,
     }
+
+
+def _design(status: list[bytes]) -> str:
+    """Return which design has decided: at an operating point thresholds are constant, over the envelope they move."""
+    limits = set()
+    for data in status:
+        try:
+            limits.add(status_row(read_diagnostics(data)[0].values, 0.0).thresholds)
+        except (ValueError, IndexError):
+            continue
+    return ENVELOPE if len(limits) > 1 else PAPER
 
 
 def _nearest_point(pressure_pa: float) -> str:

@@ -19,6 +19,7 @@ from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from ac_common.design_file import PAPER
 from ac_common.errors import UserError, shortened
 from ac_common.fdi_status import StatusRow, status_row
 from ac_common.health import BringupReport, HealthReport, PlantReport, health_of
@@ -121,7 +122,8 @@ def run_of(raw: RawBag, bag: Path | str) -> tuple[dict[str, Any], Scenario]:
         where = shortened(".".join(str(part) for part in first["loc"]))
         msg = f"{bag}: the metadata record {RUN_RECORD!r} is damaged: {where}: {shortened(first['msg'], 200)}"
         raise UserError(msg) from None
-    return run, check(run["scenario"], f"{bag}: scenario of the recording")
+    # A recording that does not name its design is older than the second one.
+    return run, check({"design": PAPER, **run["scenario"]}, f"{bag}: scenario of the recording")
 
 
 def loop_messages(raw: RawBag, topic: Topic) -> list[bytes]:

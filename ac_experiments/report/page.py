@@ -25,6 +25,7 @@ from ac_experiments.report.panels import around, charts_of, cut, story_of, subsc
 from ac_experiments.report.paper_figures import figures_for
 from ac_experiments.report.parts import Part, Plot, Section, Table, Words, cell, code, render_page
 from ac_experiments.report.performance import performance_table
+from ac_experiments.scenario_schema import SENSORS
 
 _METRICS = (
     ("command_change_rpm", "Change of the commanded compressor speed at rest", "rpm", "+.2f"),
@@ -324,6 +325,7 @@ def _parameters(recording: Recording) -> list[Part]:
     scenario: Mapping[str, Any] = recording.metadata["scenario"]
     given = {
         "sample time": f"{recording.metadata['sample_time_s']:g} s",
+        "design": scenario.get("design", "paper"),
         "sensors": _sensors(scenario.get("sensors", 3)),
         "superheat": f"{scenario.get('superheat_sensor', 'direct')} sensor",
         "controller": f"K0 {scenario.get('controller', 'tracking')}",
@@ -342,13 +344,16 @@ def _parameters(recording: Recording) -> list[Part]:
 
 
 def _sensors(sensors: int | list[str]) -> str:
-    if isinstance(sensors, list):
-        return ", ".join(sensors)
-    return "p_e, SH and wall thermocouple" if sensors == 3 else "p_e and SH"
+    return ", ".join(sensors if isinstance(sensors, list) else SENSORS[:sensors])
 
 
 def _noise(noise: Mapping[str, Any]) -> str:
-    units = {"evaporator_pressure_kpa": "kPa", "superheat_k": "K", "wall_temperature_k": "K"}
+    units = {
+        "evaporator_pressure_kpa": "kPa",
+        "superheat_k": "K",
+        "wall_temperature_k": "K",
+        "condenser_pressure_kpa": "kPa",
+    }
     names = {key: key.rpartition("_")[0].replace("_", " ") for key in units}
     parts = [f"{names[key]} {noise[key]:g} {units[key]}" for key in units if noise.get(key)]
     return ", ".join([*parts, f"seed {noise.get('seed', 0)}"]) if parts else "none"
@@ -356,10 +361,12 @@ def _noise(noise: Mapping[str, Any]) -> str:
 
 def _again(summary: Mapping[str, Any], scenario: Mapping[str, Any]) -> list[Part]:
     """Return the command that repeats the run, and the scenario when it is not a built-in one as it is."""
+    from ac_experiments.drives import name_of
     from ac_experiments.scenario import built_in_scenarios, load
 
-    name = summary["scenario"]
-    known = load(name, whole=False).model_dump(mode="json") if name in built_in_scenarios() else {}
+    name = name_of(summary["scenario"])
+    is_known = name != summary["scenario"] or name in built_in_scenarios()
+    known = load(name, whole=False).model_dump(mode="json") if is_known else {}
     built_in = {**known, "passive": None} == {**scenario, "passive": None}
     passive = " --passive" if summary["passive"] else ""
     source = name if built_in else "scenario.yaml"

@@ -35,9 +35,11 @@ class ScenarioType(click.Path):
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """Complete a name or a path."""
+        from ac_experiments.drives import FAMILY
         from ac_experiments.scenario import built_in_scenarios
 
-        names = [CompletionItem(name) for name in built_in_scenarios() if name.startswith(incomplete)]
+        known = (*built_in_scenarios(), f"{FAMILY}:")
+        names = [CompletionItem(name) for name in known if name.startswith(incomplete)]
         return names or super().shell_complete(ctx, param, incomplete)
 
 

@@ -17,6 +17,7 @@ from bringup.launch.process_table import LOOP_NODES
     epilog=examples(
         "acftc run actuator_fault --out results/e5 # results/e5/report.html tells what came of it",
         "acftc run sensor_fault --passive --set faults.0.size_kpa=3 --out results/weak",
+        "acftc run drive:7 # a random drive over a moving load",
         "acftc run my_scenario.yaml --mode realtime # on the wall clock",
         "acftc run nominal --node ac_plant='python examples/own_plant.py'",
         "acftc run actuator_fault --mode realtime --dash",

@@ -107,7 +107,7 @@ def run_with(case: Case | None, *, at_rest: bool = False) -> Recording:
     """Run the moving load with K0 alone; or no load, with the compensator."""
     faults = [] if case is None else [case.scheduled]
     air = {} if at_rest else load()
-    scenario = check({"name": "moving_load", "duration_s": END_S, "air": air, "faults": faults})
+    scenario = check({"name": "moving_load", "design": "paper", "duration_s": END_S, "air": air, "faults": faults})
     return simulate(scenario, passive=not at_rest)
 
 

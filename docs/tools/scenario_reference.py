@@ -14,6 +14,7 @@ from pydantic.fields import FieldInfo
 from ac_common.fault_profiles import PROFILE_KEYS, unit_profile
 from ac_common.faults import FAULTS, UNKNOWN, Fault, Place
 from ac_experiments.car_schema import CabinStart, Car, CurveWithin
+from ac_experiments.drives import DURATION_S, FAMILY
 from ac_experiments.scenario import built_in_scenarios, load
 from ac_experiments.scenario_schema import (
     FAULT_MODELS,
@@ -41,15 +42,16 @@ PAGE = Path(__file__).parents[2] / "docs" / "scenarios.md"
 MEANING = {
     "name": "what the run is called",
     "description": "one sentence for people",
-    "operating_point": "where the run starts from, and whose designs it uses",
+    "operating_point": "where the run starts from; with `design: paper` also whose designs it uses",
     "duration_s": "simulated time",
     "sample_time_s": "sample time of the loop",
     "passive": "true: K0 alone, the compensator stays silent",
-    "sensors": "3: p_e, superheat and the wall thermocouple; 2: without the thermocouple, K0 alone (`passive: true`); "
-    "a list says the same by name, and p_c besides: the linear designs do not use it, but K0's protection does, "
-    "unless a list leaves it out",
+    "sensors": "which the designs use: 4: p_e, superheat, T_w and p_c; 3, 2: the first of these; a list: by name. "
+    "The detector of `design: paper` has no use for p_c, K0's protection does; and without T_w K0 alone (`passive: "
+    "true`)",
     "superheat_sensor": "direct: superheat is measured; derived: from an outlet thermocouple and the measured pressure",
-    "design": "designs of the operating point after the paper, or one for the whole envelope with the same structure",
+    "design": "envelope: one for all loads; paper: those of the operating point, after the paper. With a compressor on "
+    "the belt there is only paper, and it is the default",
     "controller": "tracking: K0 holds both references; paper: K0 after the paper's passive case, which leaves SH "
     "alone; a class of yours: see [your own controller](how-to/own-controller.md)",
     "references": "references of the controller; its protection raises those below 175 kPa or 8 K to that value",
@@ -119,6 +121,7 @@ def text() -> str:
     ]
     known = {name: load(name, whole=False) for name in built_in_scenarios()}
     parts += [f"| `{name}` | {item.duration_s:g} s | {item.description} |" for name, item in known.items()]
+    parts.append(f"| `{FAMILY}:SEED` | {DURATION_S:g} s | A random drive over a moving load, such as `{FAMILY}:123`. |")
     sections: tuple[tuple[str, str, type[BaseModel]], ...] = (
         ("Top level", "", Scenario),
         ("references", "Lists of changes from the operating point, each a mapping as below.", References),
@@ -185,7 +188,7 @@ def _allowed(field: FieldInfo) -> str:
         if isinstance(name, CabinStart):
             return f"`soaked`, or a number, {name.lowest:g} to {name.highest:g}"
         if isinstance(name, SensorChoice):
-            return f"`2`, `3`, or a list out of {', '.join(f'`{known}`' for known in name.names)}"
+            return f"`2`, `3`, `4`, or a list out of {', '.join(f'`{known}`' for known in name.names)}"
     if get_origin(kind) is list:
         return ", ".join(["a list", *_bounds(field)])
     names: dict[Any, str] = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}

@@ -15,7 +15,7 @@ from ac_common.faults import KINDS
 from ac_common.units import KPA, RPM
 from ac_common.yaml_file import yaml_text
 from ac_experiments.scenario import built_in_scenarios, check, load, schedule, to_yaml
-from ac_experiments.scenario_schema import Scenario
+from ac_experiments.scenario_schema import SENSORS, Scenario
 from ac_plant_node.inputs import INPUT_HIGH, INPUT_LOW
 from ac_plant_node.rest import rest_at
 from fault_injector_node.live import LiveFault, Shape
@@ -142,13 +142,31 @@ def test_the_shipped_operating_points_have_the_air_that_the_limits_are_for(point
 
 
 def test_sensors_are_a_number_or_a_list():
-    for sensors, designs in (("3", 3), ("[p_e, superheat, T_w]", 3), ("[p_e, superheat, T_w, p_c]", 3)):
+    for sensors, designs in (("3", 3), ("4", 3), ("[p_e, superheat, T_w]", 3), ("[p_e, superheat, T_w, p_c]", 3)):
         scenario = load("nominal", [f"sensors={sensors}"])
         assert scenario.design_sensors == designs
         assert check(scenario.model_dump(mode="json")) == scenario
     for sensors in ("2", "[p_c, superheat, p_e]"):
         assert load("nominal", [f"sensors={sensors}", "passive=true"]).design_sensors == 2
         assert "needs passive: true" in error_of(f"sensors={sensors}")
+    short = {"name": "short", "duration_s": 1.0}
+    for number in (2, 3, 4):
+        assert check({**short, "sensors": number}).envelope_sensors == SENSORS[:number]
+    assert check(short).envelope_sensors == SENSORS
+    assert check({**short, "sensors": ["p_c", "superheat", "p_e"]}).envelope_sensors == ("p_c", "superheat", "p_e")
+
+
+def test_the_design_is_that_of_the_envelope_where_nothing_is_said_but_for_the_papers_experiments():
+    of_the_paper = {"nominal", "isolation", "isolation_two_sensors", "isolation_disturbed", "actuator_fault"}
+    of_the_paper |= {"sensor_fault", "sensor_fault_derived", "both_faults"}
+    on_the_belt = {"city"}
+    for name in built_in_scenarios():
+        expected = "paper" if name in of_the_paper | on_the_belt else "envelope"
+        assert load(name, whole=False).design == expected, name
+    assert load("drive:1").design == "envelope"
+    belt = {"name": "belt", "duration_s": 1.0, "passive": True, "car": {"compressor_drive": "belt"}}
+    assert check(belt).design == "paper"
+    assert "needs design: paper" in error_of("design=envelope", name="city")
 
 
 @pytest.mark.parametrize(
@@ -176,7 +194,7 @@ def test_sensors_are_a_number_or_a_list():
         ("noise.seed=1.5", ["noise.seed", "1.5", "integer"]),
         ("passive=3", ["passive", "3"]),
         ("name=../escape", ["name", "../escape"]),
-        ("sensors=4", ["sensors", "given 4", "2, 3 or a list"]),
+        ("sensors=5", ["sensors", "given 5", "2, 3, 4 or a list"]),
         ("sensors=[p_e, superheat, T_v]", ["sensors", "'T_v'", "did you mean 'T_w'"]),
         ("sensors=[p_e, T_w]", ["sensors", "lacks superheat"]),
         ("sensors=[p_e, superheat, p_e]", ["sensors", "twice"]),

@@ -205,7 +205,7 @@ def test_another_compensator_can_be_tried():
 
 def test_a_jump_of_the_superheat_sensor_is_an_unknown_fault_and_k0_is_then_alone():
     fault = {"kind": "superheat_sensor", "size_k": 3.0, "onset_s": 20.0}
-    recording = simulate(check({"name": "jump", "duration_s": 40.0, "faults": [fault]}))
+    recording = simulate(check({"name": "jump", "design": "paper", "duration_s": 40.0, "faults": [fault]}))
     off = recording.series["measured/superheat"] - recording.series["plant/superheat"]
     np.testing.assert_allclose(off, np.where(recording.time_s >= 20.0, 3.0, 0.0), atol=1e-12)
     summary = summarise(recording)

@@ -35,6 +35,7 @@ def steps(point: str, kpa: float, kelvin: float, air_percent: float = 0.0, **mor
     """Steps of both references and of the air flow, all at once, after 10 s."""
     scenario = {
         "name": "steps",
+        "design": "paper",
         "operating_point": point,
         "duration_s": 400.0,
         "references": {

@@ -71,7 +71,7 @@ def test_the_margin_that_is_left_is_the_one_that_is_said(point: str, kpa: float,
 
 def step_up_at_low(**more: object) -> dict[bool, np.ndarray]:
     """p_e off its reference [kPa] with K0 alone (True) and with the compensator, under +5 K of superheat."""
-    scenario = {"name": "up", "operating_point": "low", "duration_s": 400.0, **more}
+    scenario = {"name": "up", "design": "paper", "operating_point": "low", "duration_s": 400.0, **more}
     scenario["references"] = {"superheat_k": [{"at_s": 10.0, "to": 5.0}]}
     off = {}
     for passive in (True, False):

@@ -32,6 +32,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.clock]
 
 FAULTY = {
     "name": "faulty",
+    "design": "paper",
     "duration_s": 50.0,
     "faults": [{"kind": "compressor_speed", "size_rpm": 40, "onset_s": 0.5}],
     "noise": {"evaporator_pressure_kpa": 0.02, "superheat_k": 0.02, "wall_temperature_k": 0.02, "seed": 7},

@@ -19,6 +19,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.clock]
 
 SCENARIO = {
     "name": "lossy",
+    "design": "paper",
     "duration_s": 22.0,
     "references": {"evaporator_pressure_kpa": [{"at_s": 2, "to": 2.0}]},
     "faults": [{"kind": "compressor_speed", "size_rpm": 40, "onset_s": 8}],
