@@ -1,9 +1,10 @@
 """The page's controls: every widget knows its unit and its limits, which are those of the nodes' parameters."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, Literal
 
-from bokeh.models.widgets import Button, RadioButtonGroup, Select, Spinner
+from bokeh.models.widgets import Button, Select, Spinner
 
 from ac_common.fault_profiles import PROFILE_KEYS, PROFILES, SENSOR_PROFILES, STUCK
 from ac_common.faults import BY_KIND, Fault
@@ -12,8 +13,6 @@ from ac_common.units import KPA
 from bringup.dash.link import Link
 from bringup.dash.view import View
 from bringup.nodes.scenario import OFFSETS
-
-POINTS = ("low", "med", "high")
 
 #: Look of all widgets: they live in shadow roots, where the page's own style does not reach.
 STYLE = """
@@ -33,12 +32,22 @@ input, select { min-height: 30px; font-size: 14px; color: #1a1a1a; border-color:
 CHANGES = (
     ("change_p_e", "p_e reference, kPa", KPA, 1.0),
     ("change_superheat", "SH reference, K", 1.0, 0.5),
-    ("change_air_flow", "air mass flow, %", 1.0, 5.0),
+    ("change_air_flow", "blower, %", 1.0, 5.0),
     ("change_air_inlet", "air inlet, K", 1.0, 1.0),
     ("change_condenser_flow", "condenser flow, %", 1.0, 5.0),
     ("change_condenser_inlet", "condenser inlet, K", 1.0, 1.0),
     ("change_humidity", "humidity, %", 1.0, 5.0),
 )
+#: How many of these are references; the others are the load.
+N_REFERENCES = 2
+#: Loads of one click, in the units of `CHANGES`: blower, air inlet, condenser's flow and inlet; the rest stays.
+LOADS = (
+    ("traffic jam", (30.0, 5.0, -30.0, 8.0)),
+    ("motorway", (-20.0, -2.0, 100.0, -2.0)),
+    ("rain", (-30.0, -6.0, 20.0, -8.0)),
+)
+#: How long a change takes unless something else is typed, s.
+USUAL_RAMP_S = 20.0
 
 
 def _spinner(name: str, title: str, value: float, low: float, high: float, step: float) -> Spinner:
@@ -154,7 +163,7 @@ class FaultControl:
 
 
 class ChangeControl:
-    """Steps and ramps of references and air."""
+    """Steps and ramps of load and references."""
 
     def __init__(self, link: Link) -> None:
         self._link = link
@@ -165,10 +174,13 @@ class ChangeControl:
             _spinner(name, title, 0.0, _round((limits.low or 0.0) / si), _round((limits.high or 0.0) / si), step)
             for (name, title, si, step), limits in zip(CHANGES, OFFSETS, strict=True)
         ]
-        self._ramp = _spinner("change_ramp", "within, s (0: a step)", 0.0, 0.0, 86400.0, 10.0)
+        self._ramp = _spinner("change_ramp", "within, s", USUAL_RAMP_S, 0.0, 86400.0, 10.0)
         self._apply = _button("apply_changes", "Apply", self._clicked, "primary")
         self._back = _button("undo_changes", "Back to zero", self._undo)
-        self.widgets: list[Any] = [*self._spinners, self._ramp, self._apply, self._back]
+        self._loads = [
+            _button(f"load_{number}", name, partial(self._move, load)) for number, (name, load) in enumerate(LOADS)
+        ]
+        self.widgets: list[Any] = [*self._spinners, self._ramp, self._apply, self._back, *self._loads]
 
     def show(self, view: View) -> None:
         """Look as the graph is, whoever has changed it; but leave alone what was typed and not applied yet."""
@@ -182,7 +194,7 @@ class ChangeControl:
             self._ours[limits.name] = round(value / si, 6)
             if not is_typed:
                 _set(spinner, value=self._ours[limits.name])
-        for button in (self._apply, self._back):
+        for button in (self._apply, self._back, *self._loads):
             _set(button, disabled=view.phase not in ("running", "paused"))
 
     def _clicked(self) -> None:
@@ -205,8 +217,13 @@ class ChangeControl:
             if value
         ]
         self._link.change(
-            SCENARIO, {"ramp_s": given[-1], **values}, "; ".join(said) or "references and air as the scenario says"
+            SCENARIO, {"ramp_s": given[-1], **values}, "; ".join(said) or "load and references as the scenario says"
         )
+
+    def _move(self, load: Sequence[float]) -> None:
+        for spinner, value in zip(self._spinners[N_REFERENCES:], load, strict=False):
+            spinner.value = value
+        self._clicked()
 
     def _undo(self) -> None:
         for spinner in self._spinners:
@@ -215,19 +232,15 @@ class ChangeControl:
 
 
 class RunControl:
-    """Accommodation, operating point, pause, reset."""
+    """Accommodation, pause, reset."""
 
     def __init__(self, link: Link) -> None:
         self._link = link
         self._view: View | None = None
         self._accommodation = _button("accommodation", "Switch accommodation off", self._switch)
-        self._point = RadioButtonGroup(
-            name="point", labels=list(POINTS), active=1, sizing_mode="stretch_width", margin=0, stylesheets=[STYLE]
-        )
-        self._point.on_change("active", lambda _attr, _old, new: self._move(new))
         self._pause = _button("pause", "Pause", self._toggle_pause)
-        self._reset = _button("reset", "Reset", self._start_anew)
-        self.widgets: list[Any] = [self._accommodation, self._point, self._pause, self._reset]
+        self._reset = _button("reset", "Reset", self._link.start_anew)
+        self.widgets: list[Any] = [self._accommodation, self._pause, self._reset]
 
     def show(self, view: View) -> None:
         """Look as the graph is."""
@@ -236,10 +249,7 @@ class RunControl:
         _set(self._accommodation, disabled=view.phase not in ("running", "paused"))
         _set(self._pause, label="Resume" if view.phase == "paused" else "Pause")
         _set(self._pause, disabled=not view.may_pause)
-        for widget in (self._reset, self._point):
-            _set(widget, disabled=not view.may_reconfigure)
-        if view.point in POINTS and view.phase != "setting up":
-            _set(self._point, active=POINTS.index(view.point))
+        _set(self._reset, disabled=not view.may_reset)
 
     def _switch(self) -> None:
         if self._view is not None:
@@ -251,14 +261,6 @@ class RunControl:
             self._link.resume()
         else:
             self._link.pause()
-
-    def _move(self, number: int | None) -> None:
-        if self._view is not None and number is not None and POINTS[number] != self._view.point:
-            self._link.start_anew(POINTS[number])
-
-    def _start_anew(self) -> None:
-        if self._view is not None:
-            self._link.start_anew(self._view.point)
 
 
 def _complaint(spinner: Spinner) -> str:

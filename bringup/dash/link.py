@@ -32,7 +32,6 @@ from ac_common.topics import (
     NAMESPACE,
     PAGE,
     RECORDER,
-    SCENARIO,
     Topic,
 )
 from ac_common.wire import read_diagnostics, stamp_ns, value_offsets
@@ -40,7 +39,7 @@ from ac_ros_common.client_node import client_node
 from ac_ros_common.inputs import Gate, Subscriptions
 from ac_ros_common.messages import message_class
 from ac_ros_common.qos import PLAIN_QOS
-from bringup.dash.reconfigure import reconfigure
+from bringup.dash.reset import reset
 from bringup.dash.rows import TOPIC_NAMES, Rows, threshold_values
 from bringup.dash.view import WATCHED, Heard, View
 from bringup.launch.process_table import ACTIVATION_ORDER
@@ -78,7 +77,7 @@ class Link:
         self._turns: list[Any] = []  # what waits for the thread's next turn
         self._moving = False  # whether nodes are being paused or resumed
         self._ends = threading.Event()
-        self._reconfiguring: threading.Thread | None = None
+        self._resetting: threading.Thread | None = None
         self._stack = ExitStack()
         self._node, self._executor = self._stack.enter_context(client_node(PAGE, NAMESPACE, domain))
         self._loop = Subscriptions(self._node.context, self._take)
@@ -105,7 +104,7 @@ class Link:
 
     def view(self) -> View:
         """Return what is going on now."""
-        sets_up = self._reconfiguring is not None and self._reconfiguring.is_alive()
+        sets_up = self._resetting is not None and self._resetting.is_alive()
         return self._heard.view(sets_up=sets_up, is_starting=self._is_starting)
 
     def say(self, message: str, failed: bool = False) -> None:
@@ -136,29 +135,26 @@ class Link:
         names = [name for name in ACTIVATION_ORDER if name != RECORDER and self._heard.is_there(name)]
         self._jobs.put(self._transition(names, Transition.TRANSITION_ACTIVATE, "active", "goes on"))
 
-    def start_anew(self, point: str) -> None:
-        """Begin again, at rest at `point`, without live faults and changes; takes some seconds, in a thread."""
+    def start_anew(self) -> None:
+        """Begin again, at rest, without live faults and changes; takes some seconds, in a thread."""
         view = self.view()
-        if not view.may_reconfigure:
+        if not view.may_reset:
             why = "the run is being recorded" if view.recorded else f"the graph is {view.phase}"
             self.say(f"cannot start anew: {why}", failed=True)
             return
         names = [name for name in self._heard.health if self._heard.is_there(name)]
-        self._reconfiguring = threading.Thread(
-            target=self._start_anew, args=(names, point, view.parameters), name="reconfigure", daemon=True
-        )
-        self._reconfiguring.start()
+        self._resetting = threading.Thread(target=self._start_anew, args=(names,), name="reset", daemon=True)
+        self._resetting.start()
 
-    def _start_anew(self, names: Iterable[str], point: str, parameters: Mapping[str, Mapping[str, Any]]) -> None:
-        self.say(f"setting up the operating point {point} ...")
+    def _start_anew(self, names: Iterable[str]) -> None:
+        self.say("setting up ...")
         try:
-            scenario = str(parameters.get(SCENARIO, {}).get("scenario", "nominal"))
-            reconfigure(names, self.domain, point, scenario)
+            reset(names, self.domain)
         except UserError as problem:
             self.say(one_line(problem), failed=True)
         else:
             self._heard.live_faults = frozenset()
-            self.say(f"started anew at the operating point {point}")
+            self.say("started anew, at rest")
 
     async def _inject(self, fault: str, values: Mapping[str, Any]) -> None:
         if await self._set(INJECTOR, {f"{fault}.{key}": value for key, value in values.items()}):

@@ -15,7 +15,15 @@ from ac_common.faults import ISOLABLE, UNFILTERED, UNKNOWN, in_unit
 from ac_common.health import PlantReport
 from ac_common.signals import Performance
 from ac_common.units import KPA
-from bringup.dash.controls import CHANGES, STYLE, ChangeControl, FaultControl, RunControl
+from bringup.dash.controls import (
+    CHANGES,
+    LOADS,
+    N_REFERENCES,
+    STYLE,
+    ChangeControl,
+    FaultControl,
+    RunControl,
+)
 from bringup.dash.cycle import corners, subcooled_enthalpy
 from bringup.dash.link import Link
 from bringup.dash.plots import (
@@ -86,7 +94,9 @@ def make_page(link: Link, problem: Callable[[], str]) -> Callable[[Document], No
         document.template_variables["keys"] = {key.name: key for key in keys()}
         document.template_variables["plots"] = [plot.name for plot in TIME_PLOTS]
         document.template_variables["faults"] = ISOLABLE
-        document.template_variables["changes"] = [name for name, *_ in CHANGES]
+        document.template_variables["loads"] = [name for name, *_ in CHANGES[N_REFERENCES:]]
+        document.template_variables["references"] = [name for name, *_ in CHANGES[:N_REFERENCES]]
+        document.template_variables["moves"] = [f"load_{number}" for number in range(len(LOADS))]
         page = _Page(link, problem)
         with document.models.freeze():  # Bokeh would look through all models again with each root: seconds
             for root in page.roots:
@@ -273,7 +283,7 @@ def said(view: View, problem: str) -> str:
     failed = bool(problem) or view.failed
     words = problem or view.message
     if not words and view.recorded:
-        words = "A recorded run keeps its operating point: no reset."
+        words = "A run that is recorded cannot be reset."
     return str(_FRAGMENTS.said(words, failed))
 
 

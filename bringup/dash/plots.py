@@ -94,7 +94,20 @@ TIME_PLOTS = (
         (Line("wall_measured", "measured", ORANGE, width=3.0), Line("wall", "actual", BLUE)),
         1.0,
     ),
-    TimePlot("air", "Air mass flow, g/s", (Line("air_flow", "evaporator", GREEN),), 5.0, "0.0"),
+    TimePlot(
+        "air",
+        "Load: air mass flow, g/s",
+        (Line("air_flow", "evaporator", GREEN), Line("condenser_flow", "condenser", ORANGE)),
+        5.0,
+        "0.0",
+    ),
+    TimePlot(
+        "inlets",
+        "Load: air inlets, °C",
+        (Line("air_inlet", "evaporator", GREEN), Line("condenser_inlet", "condenser", ORANGE)),
+        2.0,
+        "0.0",
+    ),
     TimePlot(
         "vents",
         "Vents and cabin, °C",

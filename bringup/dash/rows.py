@@ -16,7 +16,7 @@ import numpy as np
 
 from ac_common.faults import ISOLABLE, ISOLABLE_KINDS, UNFILTERED, Fault
 from ac_common.fdi_status import StatusRow
-from ac_common.topics import AIR, BY_NAME, CAR, COMPRESSOR, VALVE, residual_of, truth_of
+from ac_common.topics import AIR, BY_NAME, CAR, COMPRESSOR, CONDENSER_AIR, VALVE, residual_of, truth_of
 from ac_common.units import KPA, RPM
 
 #: Least time between two rows, s: more often nobody can see.
@@ -57,6 +57,8 @@ COLUMNS = (
     ("valve", f"controller/command:{VALVE}", 0.01),
     ("air_flow", f"scenario/air:{AIR}", 0.001),
     ("air_inlet", "scenario/air_inlet_temperature", 1.0),
+    ("condenser_flow", f"scenario/condenser_air:{CONDENSER_AIR}", 0.001),
+    ("condenser_inlet", "scenario/condenser_air_inlet_temperature", 1.0),
     ("humidity", "scenario/air_humidity", 0.01),
     ("vents", "plant/vent_temperature", 1.0),
     ("cabin", "plant/car:cabin_air", 1.0),

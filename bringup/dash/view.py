@@ -19,7 +19,7 @@ GONE_S = 3.5
 WATCHED = {
     PLANT: ("operating_point", "mode", "sample_time_s"),
     COMPENSATOR: ("accommodate",),
-    SCENARIO: ("scenario", "ramp_s", *(parameter.name for parameter in OFFSETS)),
+    SCENARIO: ("ramp_s", *(parameter.name for parameter in OFFSETS)),
     INJECTOR: tuple(parameter.name for parameter in INJECTOR_PARAMETERS if parameter.live),
 }
 
@@ -52,8 +52,8 @@ class View:
     restarting: tuple[str, ...]  # nodes that have died and are not back in service
 
     @property
-    def may_reconfigure(self) -> bool:
-        """Whether operating point and reset are offered: not while somebody records the run at the present one."""
+    def may_reset(self) -> bool:
+        """Whether reset is offered: not while somebody records the run."""
         return self.phase in ("running", "paused", "over") and not self.recorded
 
     @property
@@ -91,7 +91,7 @@ class Heard:
         Parameters
         ----------
         sets_up
-            Whether the graph is being reconfigured.
+            Whether the graph is being reset.
         is_starting
             Whether it has only just been started: until it is heard of, it is being set up, and not missing.
         """

@@ -8,7 +8,7 @@ import pytest
 
 from ac_common.faults import BY_KIND, UNFILTERED
 from ac_common.topics import SCENARIO
-from bringup.dash.controls import CHANGES, ChangeControl, FaultControl
+from bringup.dash.controls import CHANGES, LOADS, N_REFERENCES, USUAL_RAMP_S, ChangeControl, FaultControl
 from bringup.dash.view import View
 from bringup.nodes.scenario import OFFSETS
 
@@ -77,7 +77,7 @@ def test_what_has_been_typed_stays_while_the_changes_before_it_come_about(contro
     for value in (-2.5, -3.0):
         control.widgets[place].value = value
         control._clicked()
-    assert sent.changes == [{"ramp_s": 0.0, name: -2.5}, {"ramp_s": 0.0, name: -3.0}]
+    assert sent.changes == [{"ramp_s": USUAL_RAMP_S, name: -2.5}, {"ramp_s": USUAL_RAMP_S, name: -3.0}]
     for typed in (-4.0, None):
         control.widgets[place].value = typed
         for value in (-2.5, -3.0, 0.0):
@@ -90,7 +90,7 @@ def test_back_to_zero_undoes_a_change_that_has_not_been_heard_of_yet(control: Ch
     control.widgets[place].value = -2.5
     control._clicked()
     control._undo()
-    assert sent.changes == [{"ramp_s": 0.0, name: -2.5}, {"ramp_s": 0.0, name: 0.0}]
+    assert sent.changes == [{"ramp_s": USUAL_RAMP_S, name: -2.5}, {"ramp_s": USUAL_RAMP_S, name: 0.0}]
     control.show(view(**{name: -2.5}))
     control.show(view())
     assert control.widgets[place].value == 0.0
@@ -103,7 +103,7 @@ def test_a_change_that_was_refused_can_be_sent_again_and_gives_way_to_somebody_e
     control.widgets[place].value = -2.5
     control._clicked()
     control._clicked()
-    assert sent.changes == 2 * [{"ramp_s": 0.0, name: -2.5}]
+    assert sent.changes == 2 * [{"ramp_s": USUAL_RAMP_S, name: -2.5}]
     control.show(view(**{name: 1.0}))
     assert control.widgets[place].value == 1.0
 
@@ -123,7 +123,16 @@ def test_only_what_is_new_is_sent(control: ChangeControl, sent: Sent) -> None:
     control.show(view(**{name: -2.5}))
     control.widgets[0].value = 1.0
     control._clicked()
-    assert sent.changes[-1] == {"ramp_s": 0.0, OFFSETS[0].name: 1000.0}
+    assert sent.changes[-1] == {"ramp_s": USUAL_RAMP_S, OFFSETS[0].name: 1000.0}
+
+
+def test_a_click_moves_the_load_and_leaves_the_references(control: ChangeControl, sent: Sent) -> None:
+    for button, (_, load) in zip(control._loads, LOADS, strict=True):
+        (_, act), *_ = button._event_callbacks.items()
+        act[0]()
+        names = [limits.name for limits in OFFSETS[N_REFERENCES:]][: len(load)]
+        assert sent.changes[-1] == {"ramp_s": USUAL_RAMP_S, **dict(zip(names, load, strict=True))}
+        assert all(widget.value == 0.0 for widget in control.widgets[:N_REFERENCES])
 
 
 def test_one_control_offers_all_faults_without_a_filter_with_their_own_limits(sent: Sent) -> None:
