@@ -42,7 +42,7 @@ CHANGES = (
 N_REFERENCES = 2
 #: Loads of one click, in the units of `CHANGES`: blower, air inlet, condenser's flow and inlet; the rest stays.
 LOADS = (
-    ("traffic jam", (30.0, 5.0, -30.0, 8.0)),
+    ("traffic", (30.0, 5.0, -30.0, 8.0)),
     ("motorway", (-20.0, -2.0, 100.0, -2.0)),
     ("rain", (-30.0, -6.0, 20.0, -8.0)),
 )

@@ -8,7 +8,7 @@ import queue
 import struct
 import threading
 import time
-from collections.abc import Callable, Coroutine, Iterable, Mapping
+from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from typing import Any
 
@@ -33,6 +33,7 @@ from ac_common.topics import (
     PAGE,
     RECORDER,
     Topic,
+    topics_in,
 )
 from ac_common.wire import read_diagnostics, stamp_ns, value_offsets
 from ac_ros_common.client_node import client_node
@@ -143,13 +144,14 @@ class Link:
             self.say(f"cannot start anew: {why}", failed=True)
             return
         names = [name for name in self._heard.health if self._heard.is_there(name)]
-        self._resetting = threading.Thread(target=self._start_anew, args=(names,), name="reset", daemon=True)
+        topics = topics_in(view.in_car, view.design)
+        self._resetting = threading.Thread(target=self._start_anew, args=(names, topics), name="reset", daemon=True)
         self._resetting.start()
 
-    def _start_anew(self, names: Iterable[str]) -> None:
+    def _start_anew(self, names: Iterable[str], topics: Sequence[Topic]) -> None:
         self.say("setting up ...")
         try:
-            reset(names, self.domain)
+            reset(names, self.domain, topics)
         except UserError as problem:
             self.say(one_line(problem), failed=True)
         else:

@@ -1,13 +1,13 @@
 """A graph that runs begins again: all nodes through their life cycle and back, in order."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
-from ac_common.topics import SCENARIO
+from ac_common.topics import SCENARIO, Topic
 from bringup.launch.process_table import ACTIVATION_ORDER
 from bringup.nodes.scenario import OFFSETS
 
 
-def reset(names: Iterable[str], domain: int) -> None:
+def reset(names: Iterable[str], domain: int, topics: Sequence[Topic]) -> None:
     """Put a graph at rest where it began, without live faults and changes; accommodation stays as switched.
 
     The plant is stopped first, since it sets the pace; then every node is deactivated, cleaned up, configured, and,
@@ -20,6 +20,8 @@ def reset(names: Iterable[str], domain: int) -> None:
         The nodes of the graph.
     domain : int
         Its ROS domain.
+    topics : sequence of Topic
+        Those of the run.
 
     Raises
     ------
@@ -32,7 +34,8 @@ def reset(names: Iterable[str], domain: int) -> None:
     from bringup.launch.supervisor import Supervisor
 
     order = [name for name in ACTIVATION_ORDER if name in set(names)]
-    with Supervisor(dict.fromkeys(order), {**ros_environment(), "ROS_DOMAIN_ID": str(domain)}) as supervisor:
+    environment = {**ros_environment(), "ROS_DOMAIN_ID": str(domain)}
+    with Supervisor(dict.fromkeys(order), environment, topics=topics) as supervisor:
         supervisor.meet(order)
         for name in reversed(order):
             if supervisor.state(name) == "active":

@@ -6,10 +6,11 @@ from dataclasses import dataclass, field
 from itertools import zip_longest
 from typing import Any
 
+from ac_common.design_file import PAPER
 from ac_common.faults import KINDS
 from ac_common.fdi_status import StatusRow
 from ac_common.health import BringupReport, HealthReport, InjectorReport, PlantReport, Restart
-from ac_common.topics import BRINGUP, COMPENSATOR, INJECTOR, PLANT, RECORDER, SCENARIO
+from ac_common.topics import BRINGUP, COMPENSATOR, FDI, INJECTOR, PLANT, RECORDER, SCENARIO
 from bringup.nodes.scenario import OFFSETS
 from fault_injector_node.node import PARAMETERS as INJECTOR_PARAMETERS
 
@@ -17,7 +18,8 @@ from fault_injector_node.node import PARAMETERS as INJECTOR_PARAMETERS
 GONE_S = 3.5
 #: Parameters that the page shows, or needs to know what it may offer.
 WATCHED = {
-    PLANT: ("operating_point", "mode", "sample_time_s"),
+    PLANT: ("operating_point", "in_car", "mode", "sample_time_s"),
+    FDI: ("design",),
     COMPENSATOR: ("accommodate",),
     SCENARIO: ("ramp_s", *(parameter.name for parameter in OFFSETS)),
     INJECTOR: tuple(parameter.name for parameter in INJECTOR_PARAMETERS if parameter.live),
@@ -50,6 +52,16 @@ class View:
     plant: Mapping[str, str]
     parameters: Mapping[str, Mapping[str, Any]]
     restarting: tuple[str, ...]  # nodes that have died and are not back in service
+
+    @property
+    def in_car(self) -> bool:
+        """Whether there is a car around the plant."""
+        return bool(self.parameters.get(PLANT, {}).get("in_car", False))
+
+    @property
+    def design(self) -> str:
+        """What the designs are for; a detector that somebody has started need not say it, and is then the paper's."""
+        return str(self.parameters.get(FDI, {}).get("design") or PAPER)
 
     @property
     def may_reset(self) -> bool:

@@ -193,7 +193,7 @@ def test_only_the_chosen_time_is_sent_and_drawn(page: Page) -> None:
 
 def test_the_load_moves_with_a_click_without_a_false_alarm_and_reset_puts_all_back(page: Page) -> None:
     rest = rest_at("med")["outputs"]
-    click(page, "traffic jam")
+    click(page, "traffic")
     expect(page.locator(".said")).to_contain_text("blower +30 %; air inlet +5 K")
     until(lambda: newest(page, "condenser_inlet") > 37.9, "the load stays")
     is_out(page, "detected")
