@@ -27,6 +27,8 @@ ATTACHMENT = "design/{}.npz"
 PAPER, ENVELOPE = "paper", "envelope"
 #: In a design file: the name of the class of which it holds a design. Older files do not say it.
 CLASS = "class"
+#: Likewise: the operating point that a design is for, and the plant, `ac_plant_node.Parameters.identity`.
+POINT, PLANT = "point", "plant"
 
 
 @dataclass(frozen=True)
@@ -63,12 +65,15 @@ def design_name(node: str, point: str, design: str = PAPER) -> str:
     return f"{node}-{point}.npz" if design == PAPER else f"{node}-{design}-{point}.npz"
 
 
-def to_bytes(design: Any) -> bytes:
-    """Return the numbers of a design, and its class, as the content of an ``.npz`` file."""
+def to_bytes(design: Any, point: str = "", plant: str = "") -> bytes:
+    """Return the numbers of a design, and its class, as the content of an ``.npz`` file.
+
+    `point` and `plant` say what it was made for; left out, what its numbers tell of that has to do.
+    """
     values = {field.name: getattr(design, field.name) for field in fields(design)}
     buffer = BytesIO()
     numbers: dict[str, Any] = {name: v for name, v in values.items() if isinstance(v, np.ndarray | float)}
-    numbers[CLASS] = np.array(type(design).__name__)
+    numbers |= {CLASS: np.array(type(design).__name__), POINT: np.array(point), PLANT: np.array(plant)}
     np.savez_compressed(buffer, **numbers)
     return buffer.getvalue()
 
@@ -89,6 +94,8 @@ def from_file(kind: Any, file: str, sample_time_s: float) -> Any:
         with np.load(BytesIO(Path(file).read_bytes()), allow_pickle=False) as stored:
             arrays = dict(stored)
         said = str(arrays.pop(CLASS, kind.__name__))
+        for text in (POINT, PLANT):
+            arrays.pop(text, None)
         if said != kind.__name__:
             msg = f"it holds one of the class {said}"
             raise ValueError(msg)
@@ -100,6 +107,8 @@ def from_file(kind: Any, file: str, sample_time_s: float) -> Any:
             design.try_out()
     except _BAD_FILE as problem:
         why = problem.strerror if isinstance(problem, OSError) and problem.strerror else problem
+        if "pickle" in str(why):  # numpy then tells how to load it all the same, which would run what is in it
+            why = "it is no .npz file of numbers"
         msg = f"design_file {shortened(file, 200)}: holds no {kind.__name__}: {shortened(why, 200)}"
         raise UserError(msg) from None
     if abs(design.sample_time_s - sample_time_s) > 1e-12:
@@ -133,24 +142,25 @@ def loaded(
     if not file:
         example = design_name(node, "med", wanted or PAPER)
         raise ValueError(f"no design_file given; `acftc design --out designs` makes one: designs/{example}")
-    said = _class_in(file)
+    said, *made_for = texts_in(file)
     kind = next((kind for kind in kinds if kind.holds == said), kinds[0])
     design = from_file(getattr(import_module(kind.module), kind.holds), file, sample_time_s)
     if wanted and kind.design not in ("", wanted):
         msg = f"design_file {shortened(file, 200)}: a design of `design: {kind.design}`, in a run with {wanted}"
         raise UserError(msg)
     if copy:
-        write_whole(Path(copy), to_bytes(design))
+        write_whole(Path(copy), to_bytes(design, *made_for))
     return design
 
 
-def _class_in(file: str) -> str:
-    """Return what class of design a file says to hold; empty when it does not say, or is none that can be read."""
+def texts_in(file: str) -> tuple[str, str, str]:
+    """Return what class of design a file says to hold, for which point and which plant; empty: it does not say."""
     try:
         with np.load(BytesIO(Path(file).read_bytes()), allow_pickle=False) as stored:
-            return str(stored[CLASS])
+            said = {name: str(stored[name]) for name in (CLASS, POINT, PLANT) if name in stored}
     except _BAD_FILE:
-        return ""
+        said = {}
+    return said.get(CLASS, ""), said.get(POINT, ""), said.get(PLANT, "")
 
 
 #: What numpy and zipfile raise for a file that is not what it seems.

@@ -148,19 +148,34 @@ def _template(topic: Topic) -> tuple[bytearray, list[int]]:
     return sink.data, [starts[JOINT_FIELD[joint]] + 8 * i for i, joint in enumerate(topic.joints)]
 
 
+@dataclass(frozen=True)
+class Diagnostic:
+    """One status of a DiagnosticArray; `level` is 0 when all is well, 1 for a warning."""
+
+    name: str
+    message: str
+    values: dict[str, str]
+    level: int = 0
+
+
 def pack_status(time_ns: int, row: StatusRow) -> bytes:
     """Return a message of ``fdi/status``."""
+    return pack_diagnostics(time_ns, [Diagnostic("fdi", status_text(row), status_values(row), int(row.detected))])
+
+
+def pack_diagnostics(time_ns: int, statuses: Sequence[Diagnostic]) -> bytes:
+    """Return a serialised DiagnosticArray."""
     sink = _Sink()
     sink.header(time_ns, "")
-    sink.number(1)
-    sink.data += b"\x01" if row.detected else b"\x00"  # WARN, OK
-    values = status_values(row)
-    for word in ("fdi", status_text(row), ""):  # name, message, hardware
-        sink.text(word)
-    sink.number(len(values))
-    for key, value in values.items():
-        sink.text(key)
-        sink.text(value)
+    sink.number(len(statuses))
+    for status in statuses:
+        sink.data.append(status.level)
+        for word in (status.name, status.message, ""):  # the last: hardware
+            sink.text(word)
+        sink.number(len(status.values))
+        for key, value in status.values.items():
+            sink.text(key)
+            sink.text(value)
     return bytes(sink.data)
 
 
@@ -265,15 +280,6 @@ def columns(topic: Topic, messages: Sequence[bytes]) -> list[NDArray[np.float64]
     ]
 
 
-@dataclass(frozen=True)
-class Diagnostic:
-    """One status of a DiagnosticArray."""
-
-    name: str
-    message: str
-    values: dict[str, str]
-
-
 def read_diagnostics(data: bytes) -> list[Diagnostic]:
     """Return the content of a serialised DiagnosticArray.
 
@@ -286,8 +292,8 @@ def read_diagnostics(data: bytes) -> list[Diagnostic]:
     source.header()
     found = []
     for _ in range(source.count(1 + 3 * 4 + 4)):
-        source.skip(1)  # level
+        level = source.data[source.skip(1)]
         name, message, _hardware = source.text(), source.text(), source.text()
         pairs = [(source.text(), source.text()) for _ in range(source.count(2 * 4))]
-        found.append(Diagnostic(name, message, dict(pairs)))
+        found.append(Diagnostic(name, message, dict(pairs), level))
     return found

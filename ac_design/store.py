@@ -26,7 +26,7 @@ from ac_design.weights import (
     FdiWeights,
     SuperheatSensor,
 )
-from ac_plant_node import parameters_fingerprint
+from ac_plant_node import load_parameters, parameters_fingerprint
 from fdi_node import FdiDesign
 from gimc_controller_node import CompensatorDesign, ControllerDesign
 
@@ -287,7 +287,9 @@ def write_designs(
     for node, file in files.items():
         made = DESIGNERS[design](node, point, sample_time_s, **options)
         made.try_out()
-        write_whole(file, to_bytes(made))
+        # The envelope's detector is for all points.
+        for_point = "" if design == ENVELOPE and node == FDI else point
+        write_whole(file, to_bytes(made, for_point, load_parameters().identity))
     return files
 
 

@@ -2,7 +2,8 @@
 
 import json
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from ac_common.fdi_status import StatusRow
 from ac_common.files import write_whole
 from ac_common.topics import schedule_of, truth_of
 from ac_common.units import KPA, RPM
+from ac_experiments.decisions import Spell, spells_of, with_lengths
 from ac_experiments.energy import car_figures, energies_j
 from ac_experiments.recording import Recording
 
@@ -62,10 +64,15 @@ def summarise(recording: Recording) -> dict[str, Any]:
 
         ``false_alarms``: detections that begin while no fault is present nor was within the last 60 s, plus isolations
         that name a fault that is not there although another one is ("unknown" is right for one that no filter is for).
+        ``false_alarm_list``: each of them with ``time_s``, ``kind`` (what was named, None: nothing) and ``length_s``
+        (None: to the end).
+
+        ``detections``, ``isolations``: all of them, right and wrong, likewise.
 
         ``restarts``: of nodes that had died, each with ``node``, ``died_s``, ``back_s`` (None: not within the run),
         ``reason``. ``events``: what nodes announced (a missing input, a protection that acts, and the end of it), each
-        with ``time_s``, ``node``, ``what``.
+        with ``time_s``, ``node``, ``what``, ``length_s`` (until the node's next one; None: to the end, or the end of
+        another one).
 
         ``metrics``:
 
@@ -91,6 +98,8 @@ def summarise(recording: Recording) -> dict[str, Any]:
         raise UserError(msg)
     sample_time_s = float(about["sample_time_s"])
     wall_seconds = about.get("wall_seconds")
+    spells = spells_of(recording.status)
+    alarms = false_alarms(injected_faults(recording), spells)
     return {
         "scenario": about["scenario"]["name"],
         "mode": about["mode"],
@@ -103,9 +112,12 @@ def summarise(recording: Recording) -> dict[str, Any]:
         "overruns": {node: count for node, count in about.get("overruns", {}).items() if count},
         "complete": bool(about.get("complete", True)),
         "faults": fault_summaries(recording),
-        "false_alarms": false_alarms(recording),
+        "false_alarms": len(alarms),
+        "false_alarm_list": _told(alarms),
+        "detections": _told([spell for spell in spells if spell.kind is None]),
+        "isolations": _told([spell for spell in spells if spell.kind is not None]),
         "restarts": [_with_numbers(restart) for restart in about.get("restarts", [])],
-        "events": about.get("events", []),
+        "events": with_lengths(about.get("events", [])),
         "metrics": _metrics(recording),
         **_energy(recording),
     }
@@ -187,9 +199,11 @@ def fault_summaries(recording: Recording) -> list[dict[str, Any]]:
     return [_fault_summary(recording, faults, number) for number in range(len(faults))]
 
 
-def false_alarms(recording: Recording) -> int:
-    """Count detections without a fault, and isolations that name the wrong one; see `summarise`."""
-    faults = injected_faults(recording)
+def false_alarms(faults: Sequence[InjectedFault], spells: Sequence[Spell]) -> list[Spell]:
+    """Return detections without a fault, and isolations that name the wrong one; see `summarise`.
+
+    The kind of a detection without a fault is what was named first meanwhile, None: nothing.
+    """
 
     def present(time_s: float, named: str | None = None) -> bool:
         return any(
@@ -198,17 +212,18 @@ def false_alarms(recording: Recording) -> int:
             if named is None or fault.kind == named or (named == UNKNOWN and not BY_KIND[fault.kind].has_filter)
         )
 
-    count = 0
-    detected, false_episode, isolated = False, False, None
-    for row in recording.status:
-        if row.detected and not detected:
-            false_episode = not present(row.time_s)
-            count += false_episode
-        named = row.isolated is not None and row.isolated != isolated
-        if named and not false_episode and not present(row.time_s, row.isolated):
-            count += 1
-        detected, isolated = row.detected, row.isolated
-    return count
+    named = [spell for spell in spells if spell.kind is not None]
+    alarms, wrong = [], [spell for spell in spells if spell.kind is None and not present(spell.start_s)]
+    for detection in wrong:
+        first = next((spell.kind for spell in named if detection.holds_at(spell.start_s)), None)
+        alarms.append(replace(detection, kind=first))
+    apart = [spell for spell in named if not any(detection.holds_at(spell.start_s) for detection in wrong)]
+    alarms += [spell for spell in apart if not present(spell.start_s, spell.kind)]
+    return sorted(alarms, key=lambda spell: spell.start_s)
+
+
+def _told(spells: Sequence[Spell]) -> list[dict[str, Any]]:
+    return [{"time_s": spell.start_s, "kind": spell.kind, "length_s": _number(spell.length_s)} for spell in spells]
 
 
 def _scheduled(recording: Recording, kind: str, truth: NDArray[np.float64]) -> list[InjectedFault]:

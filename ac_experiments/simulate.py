@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from operator import attrgetter, itemgetter
 from struct import Struct
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,9 @@ from ac_experiments.recording import Recording
 from ac_experiments.scenario import Schedule, cabin_of, schedule
 from ac_experiments.scenario_schema import Scenario
 from ac_experiments.versions import versions
+
+if TYPE_CHECKING:
+    from gimc_controller_node.protection import ProtectionLimits
 
 Progress = Callable[[int, int], None]
 
@@ -68,6 +71,7 @@ def simulate(
     passive: bool | None = None,
     progress: Progress | None = None,
     designs: Designs | EnvelopeDesigns | None = None,
+    limits: "ProtectionLimits | None" = None,
 ) -> Recording:
     """Run `scenario` on the nonlinear plant.
 
@@ -81,6 +85,8 @@ def simulate(
         Called now and then with the ticks done and the ticks in all.
     designs
         What to run instead of the designs of the scenario's operating point.
+    limits
+        Of the protection, instead of its own.
 
     Returns
     -------
@@ -96,7 +102,7 @@ def simulate(
         When the compensator is to act with two sensors.
     """
     passive = scenario.is_passive(passive)
-    loop = _Loop(scenario, designs or designs_of(scenario), accommodate=not passive)
+    loop = _Loop(scenario, designs or designs_of(scenario), limits, accommodate=not passive)
     plan, ticks = loop.schedule, scenario.ticks
     keys = _MADE if scenario.car is None else (*_MADE, *CABIN_SERIES)
     made, row = np.empty((ticks, len(keys))), Struct(f"{len(keys)}d")
@@ -145,7 +151,14 @@ class _Loop:
     events : list of dict
     """
 
-    def __init__(self, scenario: Scenario, designs: Designs | EnvelopeDesigns, *, accommodate: bool) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        designs: Designs | EnvelopeDesigns,
+        limits: "ProtectionLimits | None",
+        *,
+        accommodate: bool,
+    ) -> None:
         # Imported here: these compile or load designs, and the command line must answer --help at once.
         from ac_plant_node import Plant, operating_point
         from ac_plant_node.car import Car
@@ -176,7 +189,7 @@ class _Loop:
         self._controller = make_controller(
             designs.controller,
             scenario.controller_class,
-            limits_for(has_belt=scenario.has_belt, measures_head=scenario.measures_head),
+            limits or limits_for(has_belt=scenario.has_belt, measures_head=scenario.measures_head),
         )
         self._outputs: list[float] = (rest if self._car is None else self._car).outputs.tolist()
         # The plant reports the inlet temperatures that acted until now: those held over the sample just past.

@@ -3,12 +3,8 @@
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
+from ac_common.delivery import DEADLINE_S, DEPTH
 from ac_common.topics import BY_NAME, TICKED, Topic
-
-#: How far behind a subscriber (the recorder above all) may fall before a message is lost, in ticks.
-DEPTH = 1000
-#: A publisher of a loop topic that is silent for longer misses its deadline.
-DEADLINE_S = 1.0
 
 #: What publishers of the loop's topics offer, which have a message in every tick.
 LOOP_QOS = QoSProfile(

@@ -29,7 +29,7 @@ BAD_INPUT = 2
 #: Every command, under the heading where help lists it, in the order of use.
 SECTIONS: dict[str, tuple[str, ...]] = {
     "Run": ("run", "simulate", "scenarios"),
-    "Recordings": ("report", "replay", "bags"),
+    "Recordings": ("report", "export", "replay", "bags"),
     "A running graph": ("dash", "topics", "foxglove"),
     "Plant and designs": ("equilibria", "calibrate", "design", "reproduce"),
     "This machine": ("bench", "campaign", "completion"),

@@ -14,8 +14,10 @@ from typing import IO, Any
 from mcap.data_stream import RecordBuilder
 from mcap.writer import CompressionType, Writer
 
+from ac_common.delivery import DEADLINE_S, DEPTH
 from ac_common.errors import UserError
 from ac_common.files import put_whole
+from ac_common.topics import CLOCK, DIAGNOSTICS, NAMESPACE, OCCASIONAL, TICKED, TOPICS
 from ac_common.yaml_file import yaml_text
 from ac_ros_common.type_definitions import definition, type_hash
 
@@ -54,6 +56,16 @@ class RecordedTopic:
             "liveliness_lease_duration": _FOREVER,
             "avoid_ros_namespace_conventions": False,
         }
+
+
+def recorded_topics(lockstep: bool, namespace: str = NAMESPACE) -> list[RecordedTopic]:
+    """List what is recorded of a run: the loop's topics, those that may be silent, health reports, and the clock."""
+    topics = [
+        RecordedTopic(f"{namespace}/{t.name}", t.type, DEPTH, DEADLINE_S if t in TICKED else None) for t in TOPICS
+    ]
+    topics += [RecordedTopic(f"{namespace}/{t.name}", t.type, DEPTH) for t in OCCASIONAL]
+    topics.append(RecordedTopic("/diagnostics", DIAGNOSTICS, DEPTH))
+    return [*topics, RecordedTopic("/clock", CLOCK, DEPTH)] if lockstep else topics
 
 
 class BagWriter:

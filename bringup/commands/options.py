@@ -1,5 +1,6 @@
 """What several commands share: options, arguments that complete in the shell, the examples at the end of help."""
 
+import shlex
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,17 @@ class OneOf(click.Choice[str]):
         return str(value)
 
 
-class ScenarioType(click.Path):
+class SomePath(click.Path):
+    """A path; an empty one, as from a variable of the shell that is not set, is refused: it would be `.`."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Check a path."""
+        if value == "":
+            self.fail("the path is empty; give '.' for the present folder", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+class ScenarioType(SomePath):
     """A scenario: the shell completes built-in names, then files."""
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
@@ -94,11 +105,33 @@ class NodeType(click.ParamType[str]):
 
 def path_option(*names: str, **how: Any) -> Callable[[Any], Any]:
     """Return an option whose value is a path; `names` and the rest as of `click.option`."""
-    return click.option(*names, type=click.Path(path_type=Path), **how)
+    return click.option(*names, type=SomePath(path_type=Path), **how)
+
+
+#: What says nothing about a run itself: where its results go, and what is shown of it.
+_NOT_OF_RUN = ("out", "force", "with_report", "with_bag", "as_json", "with_page")
+
+
+def repeated(context: click.Context) -> str:
+    """Return the command line that repeats what a command was asked to run; into which folder is left open."""
+    words = ["acftc"]
+    if context.parent is not None and context.parent.params.get("plant"):
+        words += ["--plant", str(context.parent.params["plant"])]
+    words.append(str(context.info_name))
+    for parameter in context.command.params:
+        value = context.params.get(str(parameter.name))
+        if parameter.name in _NOT_OF_RUN or value == parameter.get_default(context) or not value:
+            continue
+        if isinstance(parameter, click.Argument):
+            words.append(str(value))
+            continue
+        for each in value if isinstance(value, tuple) else (value,):
+            words += [parameter.opts[0]] if each is True else [parameter.opts[0], str(each)]
+    return shlex.join(words)
 
 
 scenario_argument = click.argument("scenario", metavar="SCENARIO", type=ScenarioType())
-bag_argument = click.argument("bag", metavar="BAG", type=click.Path(path_type=Path))
+bag_argument = click.argument("bag", metavar="BAG", type=SomePath(path_type=Path))
 passive_option = click.option("--passive", is_flag=True, help="K0 alone: the compensator stays silent.")
 set_option = click.option(
     "--set",
@@ -117,6 +150,9 @@ report_option = click.option(
     "with_report",
     default=True,
     help="Without it a run takes some seconds less. The report of an earlier run in DIR goes in any case.",
+)
+params_file_option = path_option(
+    "--params-file", metavar="FILE", help="A ROS 2 parameter file that has the last word, with keys such as /ac/fdi."
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
 

@@ -8,12 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ac_common.errors import UserError, one_line
+from ac_common.health import AS_USUAL
 from bringup.commands.console import print_json, print_table, progress_bar, say
 
 if TYPE_CHECKING:
     from ac_experiments.recording import Recording
     from ac_experiments.scenario_schema import Scenario
 
+#: Of false alarms and of events the table shows so many each.
+MOST_ROWS = 8
 #: The page, and the pictures that `ac_experiments.report.page` writes beside it.
 _OF_REPORT = re.compile(r"report(\.html|(_fault_\d+|_nodes)?\.(svg|png))")
 
@@ -22,7 +25,14 @@ def load_scenario(scenario: str, overrides: tuple[str, ...], passive: bool) -> "
     """Load a scenario with what the command line changes in it."""
     from ac_experiments.scenario import load
 
-    return load(scenario, (*overrides, "passive=true") if passive else overrides)
+    chosen = load(scenario, (*overrides, "passive=true") if passive else overrides)
+    length_s = chosen.ticks * chosen.sample_time_s
+    if abs(length_s - chosen.duration_s) > 1e-6 * chosen.sample_time_s:
+        say(
+            f"note: {chosen.duration_s:g} s are no whole number of ticks of {chosen.sample_time_s:g} s; "
+            f"{chosen.ticks} ticks are run, {length_s:g} s"
+        )
+    return chosen
 
 
 def prepare_folder(folder: Path, force: bool) -> Path:
@@ -53,6 +63,12 @@ def make_folder(folder: Path) -> None:
     except OSError as problem:
         msg = f"{folder}: cannot be written to: {one_line(problem.strerror)}"
         raise UserError(msg) from None
+
+
+def beside_bag(bag: Path, name: str) -> Path:
+    """Return where a file about a recorded run goes by default: beside its bag, into the folder of the run."""
+    folder = bag.resolve()
+    return (folder if (folder / "bag").is_dir() else folder.parent) / name
 
 
 def finish(
@@ -153,14 +169,31 @@ def _print_summary(summary: dict[str, Any]) -> None:
             named = f"isolated as {fault['isolated_as']} after {after:.1f} s"
         rows.append([f"{fault['size']:g} {fault['unit']} at {fault['onset_s']:g} s", named])
     rows.append(["false alarms", str(summary["false_alarms"])])
-    if summary["events"]:
-        rows.append(["events", f"{len(summary['events'])}, see the report"])
+    rows += _few([[f"false alarm at {a['time_s']:.1f} s", _alarm(a)] for a in summary["false_alarm_list"]])
+    events = [event for event in summary["events"] if event["what"] != AS_USUAL]
+    rows += _few([[f"{e['node']} at {e['time_s']:.1f} s", f"{e['what']}{_lasting(e)}"] for e in events])
     units = {"rpm": "rpm", "kpa": "kPa", "k": "K"}
     for key, value in summary["metrics"].items():
         name, _, unit = key.rpartition("_")
         rows.append([name.replace("_", " "), "–" if value is None else f"{value:.3f} {units[unit]}"])
     kind = "passive" if summary["passive"] else "active"
     print_table([summary["scenario"], f"{summary['mode']}, {kind}"], rows)
+
+
+def _few(rows: list[list[str]]) -> list[list[str]]:
+    """Return the first few rows, and how many more there are."""
+    more = len(rows) - MOST_ROWS
+    return [*rows[:MOST_ROWS], ["", f"and {more} more, see summary.json"]] if more > 0 else rows
+
+
+def _alarm(alarm: dict[str, Any]) -> str:
+    from ac_common.faults import called
+
+    return f"{'detected only' if alarm['kind'] is None else called(alarm['kind'])}{_lasting(alarm)}"
+
+
+def _lasting(spell: dict[str, Any]) -> str:
+    return ", to the end" if spell["length_s"] is None else f", for {spell['length_s']:.1f} s"
 
 
 def _speed(summary: dict[str, Any]) -> str:

@@ -8,7 +8,7 @@ import click
 from ac_common.errors import InterruptedRunError, RunError, UserError
 from bringup.commands.console import progress_bar, say
 from bringup.commands.dash import dash_option, page
-from bringup.commands.options import NodeType, OneOf, examples, path_option, scenario_options
+from bringup.commands.options import NodeType, OneOf, examples, params_file_option, repeated, scenario_options
 from bringup.commands.outcome import finish, load_scenario, prepare_folder
 from bringup.launch.process_table import LOOP_NODES
 
@@ -46,9 +46,7 @@ from bringup.launch.process_table import LOOP_NODES
     multiple=True,
     help="You start this node; the run waits for it.",
 )
-@path_option(
-    "--params-file", metavar="FILE", help="A ROS 2 parameter file that has the last word, with keys such as /ac/fdi."
-)
+@params_file_option
 @click.option(
     "--realtime-care",
     "care",
@@ -56,7 +54,9 @@ from bringup.launch.process_table import LOOP_NODES
     help="On the wall clock: SCHED_FIFO, locked memory, processors kept awake, where the system permits it.",
 )
 @dash_option
+@click.pass_context
 def run(
+    context: click.Context,
     scenario: str,
     out: Path | None,
     mode: Literal["lockstep", "realtime"],
@@ -87,12 +87,25 @@ def run(
 
     from ac_experiments.bags.reader import read_bag
     from ac_experiments.designs import check_controller_of
+    from bringup.launch.given_parameters import check_designs
     from bringup.launch.launch import run_graph
 
     check_controller_of(chosen)
+    check_designs(params_file, chosen)
+    command = repeated(context)
     with page(with_page) as beside, progress_bar(f"{chosen.name} ({mode})") as progress:
         try:
-            run_graph(chosen, folder, mode=mode, progress=progress, user=user, say=say, beside=beside, care=care)
+            run_graph(
+                chosen,
+                folder,
+                mode=mode,
+                progress=progress,
+                user=user,
+                say=say,
+                beside=beside,
+                care=care,
+                command=command,
+            )
         except UserError as problem:
             # The input has been checked by now: what fails here is the run.
             kind = InterruptedRunError if isinstance(problem.__context__, KeyboardInterrupt) else RunError

@@ -57,6 +57,7 @@ def run_graph(
     say: Say = print,
     beside: Callable[[int], None] | None = None,
     care: bool = False,
+    command: str = "",
 ) -> GraphRun:
     """Run `scenario` with every node as a process of its own; the bag is ``out_dir/bag``.
 
@@ -81,6 +82,8 @@ def run_graph(
         Called with the run's ROS domain before its nodes start, to start whatever is to look at them.
     care
         On the wall clock: SCHED_FIFO, locked memory and processors that do not doze, where the system permits it.
+    command
+        The command line that repeats this run, for its report.
 
     Raises
     ------
@@ -94,7 +97,7 @@ def run_graph(
     _prepare(out_dir)
     with _domain() as domain:
         environment = {**ros_environment(), "ROS_DOMAIN_ID": str(domain)}
-        parameters = node_parameters(scenario, out_dir, mode, passive, care)
+        parameters = node_parameters(scenario, out_dir, mode, passive, care, command)
         if beside is not None:
             beside(domain)
         with _interruptible(out_dir), ExitStack() as at_the_end:

@@ -99,7 +99,7 @@ def _file_of(parameters: Mapping[str, Any], file: Path) -> Path:
 
 
 def node_parameters(
-    scenario: Scenario, out_dir: Path, mode: Mode, passive: bool, care: bool = False
+    scenario: Scenario, out_dir: Path, mode: Mode, passive: bool, care: bool = False, command: str = ""
 ) -> dict[str, dict[str, Any]]:
     """Return the parameters of every node for a run, by name."""
     log = (out_dir / "log").resolve()
@@ -117,6 +117,7 @@ def node_parameters(
         "ticks": scenario.ticks,
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "software": versions(),
+        "command": command,
         "parameters": {
             name: {key: value for key, value in given.items() if key not in NOT_RECORDED}
             for name, given in parameters.items()

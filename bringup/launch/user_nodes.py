@@ -126,6 +126,16 @@ def _check_file(file: Path, users: Sequence[str]) -> None:
             _check_names(file, str(key), flat, name)
 
 
+def given_parameters(file: Path | None) -> dict[str, dict[str, Any]]:
+    """Return the parameters in a user's file that `user_nodes` has checked: node name to names, dotted, to values."""
+    if file is None:
+        return {}
+    content = parsed(text_of(file), f"{file}: is no YAML")
+    return {
+        str(key).removeprefix(f"{NAMESPACE}/"): _flat(section["ros__parameters"]) for key, section in content.items()
+    }
+
+
 def _check_names(file: Path, key: str, values: Mapping[str, Any], name: str) -> None:
     from ac_ros_common.parameters import COMMON
 

@@ -17,13 +17,13 @@ from rclpy.serialization import deserialize_message
 
 from ac_common.design_file import ATTACHMENT, DESIGNED
 from ac_common.health import PlantReport, RecorderReport
-from ac_common.topics import BY_NAME, CAR, CLOCK, DIAGNOSTICS, OCCASIONAL, PLANT, RECORDER, TICKED, TOPICS
+from ac_common.topics import BY_NAME, CAR, OCCASIONAL, PLANT, RECORDER, TICKED, TOPICS
 from ac_common.wire import stamp_ns
-from ac_experiments.bags.recorder import BagWriter, RecordedTopic
+from ac_experiments.bags.recorder import BagWriter, recorded_topics
 from ac_ros_common.inputs import Arrival, Subscriptions
 from ac_ros_common.loop_node import IDLE_S, LoopNode, run_node
 from ac_ros_common.parameters import MODE, Parameter
-from ac_ros_common.qos import DEADLINE_S, DEPTH, PLAIN_QOS
+from ac_ros_common.qos import PLAIN_QOS
 
 #: Far below what the middleware keeps for a slow reader, and below the bag's flush period.
 TAKE_PERIOD_S = 0.02
@@ -58,17 +58,11 @@ class RecorderNode(LoopNode):
         self._lockstep: bool = self.value("mode") == "lockstep"
         self._ticks: int = self.value("ticks")
         namespace = self.get_namespace().rstrip("/")
-        topics = [
-            RecordedTopic(f"{namespace}/{t.name}", t.type, DEPTH, DEADLINE_S if t in TICKED else None) for t in TOPICS
-        ]
-        self._loop_topics = len(topics)
+        topics = recorded_topics(self._lockstep, namespace)
+        self._loop_topics = len(TOPICS)
         self._ticked = [TOPICS.index(topic) for topic in TICKED]
         self._last_topic = TOPICS.index(BY_NAME["actuator/command"])  # of a tick: when it is there, all were
-        topics += [RecordedTopic(f"{namespace}/{t.name}", t.type, DEPTH) for t in OCCASIONAL]
-        topics.append(RecordedTopic("/diagnostics", DIAGNOSTICS, DEPTH))
-        self._health_topic = len(topics) - 1
-        if self._lockstep:
-            topics.append(RecordedTopic("/clock", CLOCK, DEPTH))
+        self._health_topic = len(TOPICS) + len(OCCASIONAL)
         self._names = [topic.name for topic in topics]
         self._last_ns = 0
         run = json.loads(self.value("run"))

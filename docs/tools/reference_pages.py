@@ -9,12 +9,12 @@ from pathlib import Path
 
 import click
 
+from ac_common.delivery import DEADLINE_S, DEPTH
 from ac_common.faults import ISOLABLE, UNKNOWN, units
 from ac_common.fdi_status import StatusRow
 from ac_common.topics import CAR, JOINT_FIELD, NAMESPACE, SCALARS, TOPICS, WITH_ENVELOPE, Topic
 from ac_common.wire import pack_status, read_diagnostics
 from ac_ros_common.parameters import COMMON, Parameter
-from ac_ros_common.qos import DEADLINE_S, DEPTH
 from bringup.launch.process_table import PROCESSES
 from docs.tools import scenario_reference
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from ac_common.errors import UserError
+from ac_common.health import AS_USUAL
 from ac_common.units import KPA, RPM
 from ac_experiments.metrics import summarise, write_summary
 from ac_experiments.recording import Recording
@@ -108,6 +109,47 @@ def test_false_alarms_are_counted(recording_of: Make):
     summary = summarise(wrong)
     assert summary["false_alarms"] == 1
     assert summary["faults"][0]["isolated_as"] == "evaporator_pressure"
+
+
+def test_each_false_alarm_is_told_with_time_kind_and_length(recording_of: Make):
+    recording = recording_of()
+    recording.status[:] = [
+        row._replace(
+            detected=20.0 <= row.time_s < 32.0, isolated="evaporator_pressure" if 25 <= row.time_s < 30 else None
+        )
+        for row in recording.status
+    ]
+    summary = summarise(recording)
+    assert summary["false_alarms"] == 1
+    assert summary["false_alarm_list"] == [
+        {"time_s": 20.0, "kind": "evaporator_pressure", "length_s": pytest.approx(12.0)}
+    ]
+    assert summary["detections"] == [{"time_s": 20.0, "kind": None, "length_s": pytest.approx(12.0)}]
+    assert summary["isolations"] == [{"time_s": 25.0, "kind": "evaporator_pressure", "length_s": pytest.approx(5.0)}]
+
+
+def test_a_fault_that_stays_named_beside_a_second_one_is_named_once(recording_of: Make):
+    recording = recording_of(faults=[ACTUATOR, SENSOR])
+    recording.status[:] = [
+        row._replace(also_isolated="compressor_speed" if row.isolated == "evaporator_pressure" else None)
+        for row in recording.status
+    ]
+    summary = summarise(recording)
+    assert [(spell["kind"], spell["time_s"], spell["length_s"]) for spell in summary["isolations"]] == [
+        ("compressor_speed", 107.0, None),
+        ("evaporator_pressure", 157.0, None),
+    ]
+    assert summary["false_alarm_list"] == []
+
+
+def test_what_nodes_do_other_than_usual_is_told_with_its_length(recording_of: Make):
+    recording = recording_of()
+    recording.metadata["events"] = [
+        {"time_s": 10.0, "node": "gimc_controller", "what": "no q: K0 alone"},
+        {"time_s": 12.0, "node": "compensator", "what": "outside the design range"},
+        {"time_s": 14.5, "node": "gimc_controller", "what": AS_USUAL},
+    ]
+    assert [event["length_s"] for event in summarise(recording)["events"]] == [4.5, None, None]
 
 
 def test_a_missed_fault(recording_of: Make):

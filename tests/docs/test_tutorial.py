@@ -47,6 +47,8 @@ def test_the_tutorial_has_these_commands() -> None:
         "acftc run",
         "acftc topics",
         "acftc simulate",
+        "acftc report",
+        "acftc export",
     ]
 
 
@@ -70,8 +72,14 @@ def test_the_runs_of_the_tutorial(tmp_path: Path, environment: dict[str, str]) -
         folder = tmp_path / re.search(r"--out (\S+)", command)[1]  # type: ignore[index]
         assert (folder / "report.html").stat().st_size > 100_000
         assert json.loads((folder / "summary.json").read_text(encoding="utf-8"))["scenario"] == name
-        if command != simulate:
-            assert len(read_bag(folder / "bag").time_s) == 200
+        assert len(read_bag(folder / "bag").time_s) == 200
+    for command in IN_SENTENCES[3:]:
+        done = subprocess.run(
+            shlex.split(command), cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=240
+        )
+        assert done.returncode == 0, done.stderr[-2000:]
+    assert (tmp_path / "results" / "first" / "comparison.html").stat().st_size > 100_000
+    assert len((tmp_path / "results" / "eighty" / "run.csv").read_text(encoding="utf-8").splitlines()) == 201
 
 
 def test_breaking_it_by_hand(tmp_path: Path, environment: dict[str, str]) -> None:

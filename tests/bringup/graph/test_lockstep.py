@@ -12,9 +12,12 @@ from rosbags.highlevel import AnyReader
 from ac_common.fdi_status import StatusRow
 from ac_common.topics import SERIES, TICKED
 from ac_experiments.bags.reader import RawBag, read_bag, read_raw
+from ac_experiments.bags.simulated import write_bag
+from ac_experiments.designs import designs_of
 from ac_experiments.scenario_schema import Scenario
 from ac_experiments.simulate import simulate
 from bringup.launch.launch import GraphRun, run_graph
+from bringup.replay.replay import replay
 
 pytestmark = pytest.mark.ros
 
@@ -42,6 +45,19 @@ def test_graph_gives_the_numbers_of_the_simulation(run: GraphRun, scenario: Scen
         np.testing.assert_array_equal(recorded.series[key], simulated.series[key], err_msg=key)
     assert [row.isolated for row in recorded.status] == [row.isolated for row in simulated.status]
     np.testing.assert_array_equal(*([numbers(row) for row in side.status] for side in (recorded, simulated)))
+
+
+def test_the_simulation_writes_the_same_bag(run: GraphRun, scenario: Scenario, tmp_path: Path) -> None:
+    designs = designs_of(scenario)
+    write_bag(tmp_path / "bag", simulate(scenario, designs=designs), designs)
+    recorded, written = read_raw(run.bag), read_raw(tmp_path / "bag")
+    assert written.complete
+    assert loop_payloads(written) == loop_payloads(recorded)
+    assert written.types == recorded.types
+    assert set(written.attachments) == set(recorded.attachments)
+    result = replay(tmp_path / "bag", "fdi")
+    assert result.different == 0
+    assert result.compared == 6 * scenario.ticks
 
 
 def test_foreign_reader_finds_every_message(run: GraphRun, scenario: Scenario) -> None:
