@@ -18,6 +18,9 @@ BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE, GREY = (
     "#6E6E6E",
 )
 
+#: Opacity of a shaded time.
+SHADE = 0.16
+
 #: A plot of no more points than this shows every one of them.
 EVERY_POINT = 20_000
 #: What is left of a longer one, about.
@@ -30,7 +33,7 @@ MISS = 5e-4
 class Curve:
     """One line: points (x, y), how it is called and how it looks; `dash` is solid, dash, dot or dashdot.
 
-    `step`: the value holds until the next point. `digits`: format of a value that the mouse points at.
+    `step`: the value holds until the next point. `digits` and `unit`: of a value that the mouse points at.
     """
 
     x: NDArray[np.float64]
@@ -40,7 +43,8 @@ class Curve:
     dash: str = "solid"
     width: float = 1.6
     step: bool = False
-    digits: str = ".4g"
+    digits: str = ".6g"
+    unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -65,6 +69,16 @@ class Mark:
 
 
 @dataclass(frozen=True)
+class Span:
+    """A time that is shaded in a plot, as long as something was so."""
+
+    start: float
+    stop: float
+    name: str
+    colour: str
+
+
+@dataclass(frozen=True)
 class Chart:
     """One plot. In its texts ``<sub>`` stands for a subscript; `log` names the logarithmic axes ("x", "y")."""
 
@@ -75,6 +89,7 @@ class Chart:
     x_range: tuple[float, float] | None = None
     y_range: tuple[float, float] | None = None
     marks: Sequence[Mark] = ()
+    spans: Sequence[Span] = ()
     points: Sequence[Points] = ()
     log: str = ""
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.files import write_whole
-from ac_experiments.report.charts import GREY, Chart, Curve, Mark, Points
+from ac_experiments.report.charts import GREY, SHADE, Chart, Curve, Mark, Points, Span
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -108,7 +108,8 @@ def _figure(charts: Sequence[Chart], columns: int, size_in: Size) -> "Figure":
     columns = max(1, min(columns, len(charts)))
     rows = max(1, math.ceil(len(charts) / columns))
     marks = {mark.name: mark for chart in charts for mark in chart.marks}
-    (wide, high), head = size_in, (_HEAD_IN if marks else 0.0)
+    spans = {span.name: span for chart in charts for span in chart.spans}
+    (wide, high), head = size_in, (_HEAD_IN if marks or spans else 0.0)
     width, height = columns * wide, rows * high + head
     drawn = Figure(figsize=(width, height))
     FigureCanvasAgg(drawn)
@@ -117,8 +118,8 @@ def _figure(charts: Sequence[Chart], columns: int, size_in: Size) -> "Figure":
         left, bottom = column * wide + _LEFT_IN, (rows - 1 - row) * high + _BOTTOM_IN
         size = (wide - _LEFT_IN - _RIGHT_IN) / width, (high - _TOP_IN - _BOTTOM_IN) / height
         _chart(drawn.add_axes((left / width, bottom / height, *size)), chart)
-    if marks:
-        _explain(drawn, list(marks.values()), _LEFT_IN / width)
+    if marks or spans:
+        _explain(drawn, list(spans.values()), list(marks.values()), _LEFT_IN / width)
     return drawn
 
 
@@ -127,6 +128,8 @@ def _chart(axes: "Axes", chart: Chart) -> None:
         axes.set_xscale("log")
     if "y" in chart.log:
         axes.set_yscale("log")
+    for span in chart.spans:
+        axes.axvspan(span.start, span.stop, color=span.colour, alpha=SHADE, linewidth=0, zorder=1.0)
     for mark in chart.marks:
         axes.axvline(mark.at, color=mark.colour, linestyle=_DASHES[mark.dash], linewidth=0.9, zorder=1.5)
     for curve in chart.curves:
@@ -193,11 +196,12 @@ def _points(axes: "Axes", points: Points) -> None:
     )
 
 
-def _explain(drawn: "Figure", marks: Sequence[Mark], left: float) -> None:
-    """One line of legend above the whole: what the vertical lines are."""
+def _explain(drawn: "Figure", spans: Sequence[Span], marks: Sequence[Mark], left: float) -> None:
+    """One line of legend above the whole: what the shaded times and the vertical lines are."""
     from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
-    handles = [Line2D([], [], linestyle="none", label="Vertical lines:")]
+    handles: list[Any] = [Patch(facecolor=span.colour, alpha=2 * SHADE, label=mathtext(span.name)) for span in spans]
     handles += [
         Line2D([], [], color=mark.colour, linestyle=_DASHES[mark.dash], linewidth=1.1, label=mathtext(mark.name))
         for mark in marks

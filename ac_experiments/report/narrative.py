@@ -8,6 +8,8 @@ from ac_common.faults import BY_KIND, UNKNOWN, called
 from ac_experiments.report.nodes import Event
 
 GOOD, BAD, PLAIN = "good", "bad", "plain"
+#: Of so many false alarms it is told when they were.
+MOST_ALARMS = 4
 
 
 @dataclass(frozen=True)
@@ -39,12 +41,8 @@ def narrative(
     if not summary["faults"]:
         told.append(Sentence(PLAIN, "No fault was injected."))
     told.append(_at_rest(summary))
-    alarms = summary["false_alarms"]
-    told.append(
-        Sentence(GOOD, "No false alarm.")
-        if alarms == 0
-        else Sentence(BAD, f"{alarms} false alarm{'s' if alarms > 1 else ''}: no such fault was there.")
-    )
+    alarms = summary["false_alarm_list"]
+    told.append(Sentence(GOOD, "No false alarm.") if not alarms else Sentence(BAD, _alarms(alarms)))
     if not summary["complete"]:
         told.append(Sentence(BAD, "The recording was cut short; the figures cover what is there."))
     missed = summary["missed_ticks"]
@@ -105,6 +103,17 @@ def _course(fault: Mapping[str, Any]) -> str:
     if after <= 0.0:
         return f"stayed within {peak} of its reference"
     return f"left its reference by up to {peak} and was back within {within} for good after {after:.1f} s"
+
+
+def _alarms(alarms: Sequence[Mapping[str, Any]]) -> str:
+    """Tell of false alarms: how many, and of the first few when, as what and for how long."""
+    each = []
+    for alarm in alarms[:MOST_ALARMS]:
+        what = "a fault was detected" if alarm["kind"] is None else f"{called(alarm['kind'])} was named"
+        until = "to the end" if alarm["length_s"] is None else f"for {alarm['length_s']:.1f} s"
+        each.append(f"at {alarm['time_s']:.1f} s {what}, {until}")
+    more = f"; and {len(alarms) - MOST_ALARMS} more" if len(alarms) > MOST_ALARMS else ""
+    return f"{len(alarms)} false alarm{'s' if len(alarms) > 1 else ''}: {'; '.join(each)}{more}."
 
 
 def _at_rest(summary: Mapping[str, Any]) -> Sentence:

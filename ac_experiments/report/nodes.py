@@ -54,11 +54,12 @@ class Report:
 
 @dataclass(frozen=True)
 class Event:
-    """Something out of the ordinary that a node reported."""
+    """Something out of the ordinary that a node reported; `length_s` is nan where it has no end, or is none to last."""
 
     time_s: float
     node: str
     what: str
+    length_s: float = math.nan
 
 
 def reports_of(raw: RawBag) -> list[Report]:

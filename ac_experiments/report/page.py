@@ -1,33 +1,32 @@
 """`report.html`: one run as a page that needs nothing else, with the paper's plots and its numbers beside ours."""
 
-import base64
-import gzip
-import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
 
-from ac_common.faults import BY_KIND, UNKNOWN
+from ac_common.faults import BY_KIND, UNKNOWN, called
 from ac_common.files import write_whole
 from ac_common.health import health_of
-from ac_common.topics import BRINGUP
+from ac_common.topics import BRINGUP, FDI
 from ac_common.yaml_file import yaml_text
 from ac_experiments.metrics import SETTLED_DEVIATIONS, SETTLED_KPA, WINDOW_S, summarise
 from ac_experiments.recording import Recording
-from ac_experiments.report import matplotlib_charts
-from ac_experiments.report.charts import Chart
+from ac_experiments.report.embedded import Plots
+from ac_experiments.report.moments import acting, around, subscripted
 from ac_experiments.report.narrative import narrative
 from ac_experiments.report.nodes import MOST_EVENTS, Event, Report, events_of, health_charts
-from ac_experiments.report.panels import around, charts_of, cut, story_of, subscripted
+from ac_experiments.report.panels import charts_of, cut, story_of
 from ac_experiments.report.paper_figures import figures_for
-from ac_experiments.report.parts import Part, Plot, Section, Table, Words, cell, code, render_page
+from ac_experiments.report.parts import Part, Section, Table, Words, cell, code, render_page
 from ac_experiments.report.performance import performance_table
 from ac_experiments.scenario_schema import SENSORS
 
-_METRICS = (
+#: Key of a summary's ``metrics``, name, unit, format.
+METRICS = (
     ("command_change_rpm", "Change of the commanded compressor speed at rest", "rpm", "+.2f"),
     ("peak_pressure_error_kpa", Markup("Peak of actual p<sub>e</sub> off its reference"), "kPa", ".3f"),
     ("steady_pressure_error_kpa", Markup("Actual p<sub>e</sub> minus reference at rest"), "kPa", "+.3f"),
@@ -38,8 +37,7 @@ _METRICS = (
 #: Faults that get plots of their own; the plots of the whole run show all.
 MOST_DETAILS = 6
 
-_WIDE_IN = (2 * matplotlib_charts.SIZE_IN[0], matplotlib_charts.SIZE_IN[1])
-_PAGE = Path(__file__).with_name("page.html")
+PAGE = Path(__file__).with_name("page.html")
 
 
 def write_report(
@@ -86,20 +84,20 @@ def render(
     other = None if beside is None else summarise(beside)
     scenario = recording.metadata["scenario"]
     events = _events(recording, reports, first_tick_s)
-    plots = _Plots(pictures)
+    plots = Plots(pictures)
     sections = [
         Section("faults", "Faults", _faults_table(summary)),
         Section("figures", "Figures", _metrics_table(summary, other, scenario)),
-        Section("performance", "Performance of the plant", performance_table(recording)),
+        Section("performance", "Performance of the plant", performance_table(recording, beside)),
         *_details(summary, recording, beside, note, plots),
         Section("run", "The whole run", _whole_run(recording, beside, note, plots)),
         Section("nodes", "Timing and health of the nodes", _nodes(recording, reports, plots)),
-        Section("events", "Events", _events_table(events)),
+        Section("events", "Events", _events_table(_with_decisions(events, summary, recording))),
         Section("parameters", "Parameters", _parameters(recording)),
-        Section("again", "How to run it again", _again(summary, scenario)),
+        Section("again", "How to run it again", _again(summary, recording.metadata)),
     ]
     return render_page(
-        _PAGE,
+        PAGE,
         title=f"{summary['scenario']} ({'passive' if summary['passive'] else 'active'})",
         description=scenario.get("description", ""),
         story=narrative(summary, other, events or ()),
@@ -107,42 +105,6 @@ def render(
         sections=[section for section in sections if section.parts],
         script=plots.script(),
     )
-
-
-class _Plots:
-    """Puts plots into the page: one to zoom and hover, and a still one for print, which is written to a file, too."""
-
-    def __init__(self, pictures: Path | None) -> None:
-        self._pictures = pictures
-        self._figures: dict[str, Any] = {}
-
-    def put(self, charts: Sequence[Chart], name: str, title: str, *, wide: bool = False) -> Plot:
-        """Return a plot of `charts`, two beside each other or one if `wide`; `name` goes to the picture's file name."""
-        from ac_experiments.report.plotly_charts import figure  # takes half a second to import
-
-        columns, size_in = (1, _WIDE_IN) if wide else (2, matplotlib_charts.SIZE_IN)
-        moving = figure(charts, columns)
-        self._figures[f"plots{name}"] = moving
-        if self._pictures is None:
-            still = matplotlib_charts.draw(charts, columns, title, size_in)
-        else:
-            still = matplotlib_charts.save(
-                charts, self._pictures.with_name(self._pictures.name + name), columns, title, size_in
-            )
-        picture = base64.b64encode(still.encode()).decode()
-        return Plot(f"plots{name}", title, moving.layout.height, picture)
-
-    def script(self) -> str:
-        """Return the plotting library and all plots as the page unpacks them: gzip in base64, half the size."""
-        from plotly.offline import get_plotlyjs
-
-        figures = ", ".join(f'"{name}": {moving.to_json()}' for name, moving in self._figures.items())
-        config = {"responsive": True, "displaylogo": False, "toImageButtonOptions": {"format": "svg", "scale": 1}}
-        text = (
-            f"{get_plotlyjs()}\nfor (const [name, plot] of Object.entries({{{figures}}}))\n"
-            f"  Plotly.newPlot(name, plot.data, plot.layout, {json.dumps(config)});\n"
-        )
-        return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()
 
 
 # ------------------------------------------------------------------------------------------------------- sections
@@ -224,7 +186,7 @@ def _metrics_table(
         kind = "Passive" if run["passive"] else "Active"
         heads += [kind] + ([f"Paper, {kind.lower()}"] if paper else [])
     rows = []
-    for key, name, unit, digits in _METRICS:
+    for key, name, unit, digits in METRICS:
         row = [name, unit]
         for run in runs:
             row.append(cell(run["metrics"][key], digits))
@@ -241,7 +203,7 @@ def _metrics_table(
 
 
 def _details(
-    summary: Mapping[str, Any], recording: Recording, beside: Recording | None, note: str, plots: _Plots
+    summary: Mapping[str, Any], recording: Recording, beside: Recording | None, note: str, plots: Plots
 ) -> list[Section]:
     """Return the plots of the time around each fault, where the transients can be seen."""
     sections = []
@@ -253,14 +215,14 @@ def _details(
     return sections
 
 
-def _whole_run(recording: Recording, beside: Recording | None, note: str, plots: _Plots) -> list[Part]:
+def _whole_run(recording: Recording, beside: Recording | None, note: str, plots: Plots) -> list[Part]:
     hint = "Drag to zoom, double-click to see all again; a click on a name in a legend hides its line."
     charts = charts_of(recording, beside)
     picture = plots.put(charts, "", f"{recording.metadata['scenario']['name']}: the whole run")
     return [*_note(note), Words(hint, "hint"), picture]
 
 
-def _nodes(recording: Recording, reports: Sequence[Report], plots: _Plots) -> list[Part]:
+def _nodes(recording: Recording, reports: Sequence[Report], plots: Plots) -> list[Part]:
     """Return how the nodes fared; nothing for a run without nodes."""
     if not reports:
         return []
@@ -306,15 +268,45 @@ def _events(recording: Recording, reports: Sequence[Report], first_tick_s: float
     return None
 
 
+def _with_decisions(
+    events: Sequence[Event] | None, summary: Mapping[str, Any], recording: Recording
+) -> list[Event] | None:
+    """Return the events with their lengths, and among them what `fdi` detected and named."""
+    lasting = {
+        (event["node"], event["what"], round(event["time_s"], 3)): event["length_s"] for event in summary["events"]
+    }
+    told = [
+        replace(event, length_s=_or_nan(lasting.get((event.node, event.what, round(event.time_s, 3)))))
+        for event in events or ()
+    ]
+    alarms = {alarm["time_s"]: alarm["kind"] for alarm in summary["false_alarm_list"]}
+    for spell in (*summary["detections"], *summary["isolations"]):
+        kind = spell["kind"]
+        what = "fault detected" if kind is None else f"{called(kind)} isolated"
+        if kind is not None and (acts := acting(recording, kind, spell["time_s"])):
+            what += f": {acts}"
+        if spell["time_s"] in alarms and kind in (None, alarms[spell["time_s"]]):
+            what += ": a false alarm"
+        told.append(Event(spell["time_s"], FDI, what, _or_nan(spell["length_s"])))
+    return None if events is None and not told else sorted(told, key=lambda event: event.time_s)
+
+
+def _or_nan(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
 def _events_table(events: Sequence[Event] | None) -> list[Part]:
     """Return the events in order of time; nothing where nobody could tell."""
     if events is None:
         return []
     if not events:
         return [Words("None: no node refused an input, missed a tick, changed what it does or was started again.")]
-    rows = [[cell(event.time_s, ".1f"), code(event.node), event.what] for event in events[:MOST_EVENTS]]
+    rows = [
+        [cell(event.time_s, ".1f"), code(event.node), event.what, cell(event.length_s, ".1f")]
+        for event in events[:MOST_EVENTS]
+    ]
     more = len(events) - MOST_EVENTS
-    table = Table(["Time, s", "Node", "What it reported"], rows)
+    table = Table(["Time, s", "Node", "What it reported", "For, s"], rows)
     return [table, Words(f"And {more} more.", "note")] if more > 0 else [table]
 
 
@@ -359,8 +351,12 @@ def _noise(noise: Mapping[str, Any]) -> str:
     return ", ".join([*parts, f"seed {noise.get('seed', 0)}"]) if parts else "none"
 
 
-def _again(summary: Mapping[str, Any], scenario: Mapping[str, Any]) -> list[Part]:
-    """Return the command that repeats the run, and the scenario when it is not a built-in one as it is."""
+def _again(summary: Mapping[str, Any], about: Mapping[str, Any]) -> list[Part]:
+    """Return the command that repeats the run, and the scenario in full."""
+    scenario = about["scenario"]
+    if about.get("command"):
+        text = Words(yaml_text(_without_empty(scenario), width=100), "code")
+        return [Words(f"{about['command']} --out results/again", "code"), Words("The scenario in full:", "note"), text]
     from ac_experiments.drives import name_of
     from ac_experiments.scenario import built_in_scenarios, load
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.faults import FAULTS, ISOLABLE, ISOLABLE_KINDS, Fault
+from ac_common.signals import Performance
 from ac_common.topics import CABIN_SERIES, CAR_SERIES, PERFORMANCE_SERIES, residual_of, truth_of
 from ac_common.units import KPA, RPM
-from ac_experiments.metrics import fault_summaries
 from ac_experiments.recording import Recording
 from ac_experiments.report.charts import (
     BLACK,
@@ -24,19 +24,22 @@ from ac_experiments.report.charts import (
     VERMILION,
     Chart,
     Curve,
-    Mark,
     Points,
     kept_ticks,
     spaced,
 )
+from ac_experiments.report.moments import DETECTED, ISOLATED, instants, marks_of, spans_of, subscripted
 
-#: Time that is shown around a fault: from before its onset to after it, s.
-BEFORE_S, AFTER_S = 20.0, 100.0
 #: The panels that tell what a fault does, in the order in which they are read, two in a row.
 STORY = ("p_e", "SH", "N", "valve", "r_N", "r_p", "q_N", "q_valve")
 
-ONSET, DETECTED, ISOLATED, ENDED = "fault begins", "detected", "isolated", "fault ends"
-SETTLED = "p<sub>e</sub> back at its reference"
+#: Series that are made of others: actual p_e minus its reference, Pa, and cooling over compressor power.
+ERROR, COP = "of the report/pressure_error", "of the report/cop"
+
+
+_COP_OF = ("cooling", "compressor_power")
+#: With less than this, W, there is no COP to speak of.
+_LEAST_POWER_W = 10.0
 
 
 @dataclass(frozen=True)
@@ -61,9 +64,19 @@ class Panel:
     per_unit: float
     own: tuple[Line, ...]
     beside: tuple[Line, ...] = ()
-    digits: str = ".4g"
+    digits: str = ".6g"
     least_range: float = 0.1
     fault: str | None = None
+
+    @property
+    def main(self) -> Line:
+        """The line that the panel is about: the thickest one."""
+        return max(self.own, key=lambda line: line.width)
+
+    @property
+    def unit(self) -> str:
+        """Unit of its axis: what stands last in the axis's title."""
+        return self.y_title.rpartition(", ")[2]
 
 
 def charts_of(
@@ -93,6 +106,7 @@ def charts_of(
     # The last sample lasts until the next would come, so a run of 1000 s ends at 1000.
     end_s = float(recording.time_s[-1] + recording.metadata["sample_time_s"])
     start_s, stop_s = max(start_s, float(recording.time_s[0])), min(stop_s, end_s)
+    spans = spans_of(recording, start_s, stop_s)
     own_ticks = _ticks(recording, start_s, stop_s, [line for panel in panels for line in panel.own])
     other_ticks = None
     if beside is not None:
@@ -105,6 +119,7 @@ def charts_of(
             x_range=(start_s, stop_s),
             y_range=_range(panel, recording, own_ticks, beside, other_ticks),
             marks=[mark for mark in marks if start_s <= mark.at <= stop_s],
+            spans=spans,
             points=_decisions(panel, recording, start_s, stop_s),
         )
         for panel in panels
@@ -146,6 +161,12 @@ class _Look:
         beside = (Line(f"controller/command:{joint}", f"commanded, {self.theirs}", self.other, "dashdot", step=True),)
         return Panel(key, title, y_title, per_unit, own, beside)
 
+    def error(self) -> Panel:
+        """Return the panel of the actual pressure minus its reference: what a fault does also while loads move."""
+        own = (Line(ERROR, f"actual minus reference{self.tag}", self.own, width=2.2),)
+        beside = (Line(ERROR, f"actual minus reference, {self.theirs}", self.other, "dashdot"),)
+        return Panel("error", "Evaporator pressure off its reference", "kPa", KPA, own, beside)
+
     def residual(self, fault: Fault) -> Panel:
         """Return the panel of a residual, with the fault that it estimates."""
         own = (_injected(fault), Line(residual_of(fault.kind), "residual", self.own, width=2.2))
@@ -162,8 +183,8 @@ def panels_of(recording: Recording, both: bool) -> list[Panel]:
     """List the panels of a run, drawn beside another run or not.
 
     p_e, SH, N, valve, r_N, r_p; the faults that no filter is for, by their kind, when they are there; q_N, q_valve when
-    a compensator acts; T_w, p_c; cooling, vents, subcooling, water when some condenses; cabin, vehicle,
-    condenser's air and humidity in a car; of the air side what moves.
+    a compensator acts; p_e off its reference; T_w, p_c; cooling, COP, vents, subcooling, water when some condenses;
+    cabin, vehicle, condenser's air and humidity in a car; of the air side what moves.
     """
     look = _Look.of(recording, both)
     reference = partial(Line, name="reference", colour=BLACK, dash="dash", width=1.2)
@@ -182,6 +203,7 @@ def panels_of(recording: Recording, both: bool) -> list[Panel]:
         panels.append(
             look.q("q_valve", "expansion_valve", "Compensator, valve", "q<sub>valve</sub>, %", 0.01, 0.1),
         )
+    panels.append(look.error())
     panels.append(look.output("T_w", "wall_temperature", "Wall temperature", "T<sub>w</sub>, °C", 1.0))
     p_c = Line("plant/condenser_pressure", f"actual{look.tag}", look.own, width=2.2)
     beside = Line("plant/condenser_pressure", f"actual, {look.theirs}", look.other, "dashdot")
@@ -242,7 +264,10 @@ def _performance(recording: Recording, look: _Look) -> list[Panel]:
         heat.insert(1, Line(latent, "latent cooling", SKY, width=1.4))
     panels = [
         Panel("cooling", "Cooling and compressor power", "kW", 1e3, tuple(heat)),
-        Panel("vents", "Air at the vents", "T, °C", 1.0, (Line(vent, "behind the evaporator", look.own, width=2.2),)),
+        Panel("cop", "COP: cooling over compressor power", "COP", 1.0, (Line(COP, "COP", look.own, width=2.2),)),
+        Panel(
+            "vents", "Air at the evaporator's outlet", "T, °C", 1.0, (Line(vent, "air outlet", look.own, width=2.2),)
+        ),
         Panel("subcooling", "Subcooling", "K", 1.0, (Line(subcooling, "subcooling", look.own, width=2.2),)),
     ]
     if moist:
@@ -256,12 +281,6 @@ def _performance(recording: Recording, look: _Look) -> list[Panel]:
 def story_of(recording: Recording) -> tuple[str, ...]:
     """List the panels that tell what the faults of a run do: `STORY`, and those that no filter is for."""
     return (*STORY, *(fault.kind for fault in _unfiltered(recording)))
-
-
-def subscripted(symbol: str) -> str:
-    """Return a symbol such as ``f_N`` as HTML: the part after the line below it."""
-    letter, _, index = symbol.partition("_")
-    return f"{letter}<sub>{index}</sub>"
 
 
 def _injected(fault: Fault) -> Line:
@@ -279,40 +298,16 @@ def _unfiltered(recording: Recording) -> list[Fault]:
     return [fault for fault in FAULTS if not fault.has_filter and _acts(recording, truth_of(fault.kind))]
 
 
-def around(fault_onset_s: float) -> tuple[float, float]:
-    """Give the stretch of time to show around a fault."""
-    return fault_onset_s - BEFORE_S, fault_onset_s + AFTER_S
-
-
-def marks_of(recording: Recording) -> list[Mark]:
-    """Return the instants that every plot marks: onset, end, detection, isolation, and when p_e is back."""
-    acts = "" if recording.metadata["passive"] else ", its Q takes over"
-    marks = []
-    for fault in fault_summaries(recording):
-        marks.append(Mark(fault["onset_s"], ONSET, BLACK, "dash"))
-        if fault["end_s"] is not None:
-            marks.append(Mark(fault["end_s"], ENDED, GREY, "dash"))
-        if fault["settled_s"] is not None and fault["settled_s"] > fault["onset_s"]:
-            marks.append(Mark(fault["settled_s"], SETTLED, GREEN, "dashdot"))
-    detections, isolations = instants(recording)
-    marks += [Mark(at, DETECTED, PURPLE, "dot") for at in detections]
-    marks += [Mark(at, ISOLATED + acts, GREEN, "solid") for at, _ in isolations]
-    order = (ONSET, DETECTED, ISOLATED + acts, SETTLED, ENDED)
-    return sorted(marks, key=lambda mark: (order.index(mark.name), mark.at))
-
-
-def instants(recording: Recording) -> tuple[list[float], list[tuple[float, str]]]:
-    """Find when detections begin, s, and when a fault is named: (s, which)."""
-    detections: list[float] = []
-    isolations: list[tuple[float, str]] = []
-    detected, isolated = False, None
-    for row in recording.status:
-        if row.detected and not detected:
-            detections.append(row.time_s)
-        if row.isolated is not None and row.isolated != isolated:
-            isolations.append((row.time_s, row.isolated))
-        detected, isolated = row.detected, row.isolated
-    return detections, isolations
+def values_of(run: Recording, key: str) -> NDArray[np.float64]:
+    """Return a series of a run, also `ERROR` and `COP`, SI."""
+    if key == ERROR:
+        return run.series["plant/evaporator_pressure"] - run.series["reference/evaporator_pressure"]
+    if key != COP:
+        return run.series[key]
+    cooling, power = (run.series[PERFORMANCE_SERIES[Performance._fields.index(name)]] for name in _COP_OF)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cop: NDArray[np.float64] = np.where(power > _LEAST_POWER_W, cooling / power, np.nan)
+    return cop
 
 
 def cut(recording: Recording, stop_s: float) -> Recording:
@@ -339,8 +334,8 @@ def _curves(
     """Return the lines of a panel; the run beside lies underneath, thresholds on top."""
 
     def curve(run: Recording, line: Line, at: NDArray[np.int_]) -> Curve:
-        values = run.series[line.key][at] / panel.per_unit
-        return Curve(run.time_s[at], values, line.name, line.colour, line.dash, line.width, line.step, panel.digits)
+        values, look = values_of(run, line.key)[at] / panel.per_unit, (line.name, line.colour, line.dash, line.width)
+        return Curve(run.time_s[at], values, *look, line.step, panel.digits, panel.unit)
 
     curves = []
     if beside is not None and other_ticks is not None:
@@ -358,7 +353,16 @@ def _thresholds(recording: Recording, panel: Panel) -> list[Curve]:
     changes = np.concatenate([[True], np.diff(threshold) != 0.0])
     changes[-1] = True
     return [
-        Curve(times[changes], sign * threshold[changes], "threshold" if sign > 0 else "", GREY, "dot", 1.2, True)
+        Curve(
+            times[changes],
+            sign * threshold[changes],
+            "threshold" if sign > 0 else "",
+            GREY,
+            "dot",
+            1.2,
+            step=True,
+            unit=panel.unit,
+        )
         for sign in (1.0, -1.0)
     ]
 
@@ -384,7 +388,7 @@ def _decisions(panel: Panel, recording: Recording, start_s: float, stop_s: float
 def _ticks(run: Recording, start_s: float, stop_s: float, lines: Sequence[Line]) -> NDArray[np.int_]:
     """Return the ticks of a run that plots of these lines from `start_s` to `stop_s` need."""
     inside = np.flatnonzero((run.time_s >= start_s) & (run.time_s <= stop_s))
-    signals = [(run.series[line.key][inside], line.step) for line in lines]
+    signals = [(values_of(run, line.key)[inside], line.step) for line in lines]
     return inside[kept_ticks(run.time_s[inside], signals)] if len(inside) else inside
 
 
@@ -396,9 +400,9 @@ def _range(
     other_ticks: NDArray[np.int_] | None,
 ) -> tuple[float, float] | None:
     """Return the range of a panel's axis over what is shown, in its unit; None when there is nothing to show."""
-    lines = [recording.series[line.key][ticks] for line in panel.own]
+    lines = [values_of(recording, line.key)[ticks] for line in panel.own]
     if beside is not None and other_ticks is not None:
-        lines += [beside.series[line.key][other_ticks] for line in panel.beside]
+        lines += [values_of(beside, line.key)[other_ticks] for line in panel.beside]
     values = np.concatenate(lines) / panel.per_unit
     values = values[np.isfinite(values)]
     if not len(values):

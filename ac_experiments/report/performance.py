@@ -1,6 +1,6 @@
 """What the plant makes of a run: cooling and its parts, water, the air of the vents, compressor power, COP."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from markupsafe import Markup
@@ -35,15 +35,24 @@ def figures(values: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:
     }
 
 
-def performance_table(recording: Recording) -> list[Part]:
-    """Return the plant's performance over a run and at its end; nothing for a plant that does not tell it."""
+def performance_table(recording: Recording, beside: Recording | None = None) -> list[Part]:
+    """Return the plant's performance over a run and at its end, beside that of another one.
+
+    Nothing for a plant that does not tell it.
+    """
     values = performance_of(recording)
     if not values:
         return []
-    last = round(WINDOW_S / recording.metadata["sample_time_s"])
-    run, end = figures(values), figures({name: series[-last:] for name, series in values.items()})
+    heads: list[str | Markup] = ["Means", "Unit"]
+    columns: list[dict[str, float]] = []
+    runs = [run for run in (recording, beside) if run is not None]
+    for run in runs:
+        kind = f", {'passive' if run.metadata['passive'] else 'active'}" if len(runs) > 1 else ""
+        heads += [f"Whole run{kind}", f"Last {WINDOW_S:g} s{kind}"]
+        series, last = performance_of(run), round(WINDOW_S / run.metadata["sample_time_s"])
+        columns += [figures(series), figures({name: one[-last:] for name, one in series.items()})]
     rows = [
-        [name, unit, cell(run[key] / si, digits), cell(end[key] / si, digits)] for key, name, unit, si, digits in _ROWS
+        [name, unit, *(cell(column[key] / si, digits) for column in columns)] for key, name, unit, si, digits in _ROWS
     ]
     joules = energies_j(recording)
     work, cooling = joules["compressor"], joules["cooling"]
@@ -52,8 +61,18 @@ def performance_table(recording: Recording) -> list[Part]:
         f"{work / 3.6e6:.3f} kWh ({work / 1e3:.0f} kJ) of compressor work.",
         "note",
     )
-    heads: list[str | Markup] = ["Means", "Unit", "Whole run", f"Last {WINDOW_S:g} s"]
     return [Table(heads, rows), energy, *_frost(values["frost"], recording), *_car(recording)]
+
+
+def performance_rows(recordings: Sequence[Recording]) -> list[list[str]]:
+    """Return rows of a table: name, unit, and the mean over each run, a dash for a plant that does not tell it."""
+    means = [figures(values) if (values := performance_of(run)) else {} for run in recordings]
+    if not any(means):
+        return []
+    return [
+        [name, unit, *(cell(one[key] / si if one else None, digits) for one in means)]
+        for key, name, unit, si, digits in _ROWS
+    ]
 
 
 def _frost(frost: NDArray[np.float64], recording: Recording) -> list[Part]:

@@ -2,21 +2,41 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 
-from ac_experiments.report.charts import BLACK, GREY, Chart, Curve, Points
+from ac_experiments.report.charts import BLACK, GREY, SHADE, Chart, Curve, Points
 
 _FONT = '"DejaVu Sans", system-ui, sans-serif'
-_PLOT_PX, _GAP_PX, _TOP_PX, _BOTTOM_PX = 170, 104, 96, 50
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Pixels: height of a plot, between two, above all, below all, left of all; font of legends and titles."""
+
+    plot: int
+    gap: int
+    top: int
+    bottom: int
+    left: int
+    legend: int
+    title: int
+    title_above: int
+
+
+#: For a page that is wide enough for two plots beside each other, and for a telephone, where a legend takes two lines.
+WIDE = Sizes(plot=170, gap=104, top=96, bottom=50, left=62, legend=11, title=13, title_above=26)
+NARROW = Sizes(plot=170, gap=136, top=190, bottom=50, left=50, legend=10, title=13, title_above=58)
+
 _COLUMN_GAP = 0.085
 _SYMBOLS = {"triangle": ("triangle-up-open", 14), "diamond": ("diamond", 10)}
 
 
-def figure(charts: Sequence[Chart], columns: int = 2) -> Any:
+def figure(charts: Sequence[Chart], columns: int = 2, sizes: Sizes = WIDE) -> Any:
     """Return all `charts` in one figure, row by row in `columns`; those in a column zoom along x together.
 
     Returns
@@ -25,15 +45,15 @@ def figure(charts: Sequence[Chart], columns: int = 2) -> Any:
         A legend above each plot, and one for the marks of all above the whole.
     """
     rows = math.ceil(len(charts) / columns)
-    height = _TOP_PX + rows * (_PLOT_PX + _GAP_PX) - _GAP_PX + _BOTTOM_PX
+    height = sizes.top + rows * (sizes.plot + sizes.gap) - sizes.gap + sizes.bottom
+    area = height - sizes.top - sizes.bottom
     drawn = go.Figure()
     layout: dict[str, Any] = {}
     for number, chart in enumerate(charts):
         row, column = divmod(number, columns)
         axis = "" if number == 0 else str(number + 1)
-        area = height - _TOP_PX - _BOTTOM_PX
-        top = 1.0 - row * (_PLOT_PX + _GAP_PX) / area
-        bottom = top - _PLOT_PX / area
+        top = 1.0 - row * (sizes.plot + sizes.gap) / area
+        bottom = top - sizes.plot / area
         width = (1.0 - (columns - 1) * _COLUMN_GAP) / columns
         left = column * (width + _COLUMN_GAP)
         layout |= _axes(chart, axis, (left, left + width), (max(bottom, 0.0), top))
@@ -43,41 +63,40 @@ def figure(charts: Sequence[Chart], columns: int = 2) -> Any:
             "xanchor": "left",
             "y": top + 4 / area,
             "yanchor": "bottom",
-            "font": {"size": 11},
+            "font": {"size": sizes.legend},
             "itemsizing": "trace",
         }
         drawn.add_annotation(
             text=f"<b>{chart.title}</b>",
             x=left,
-            y=top + 26 / area,
+            y=top + sizes.title_above / area,
             xref="paper",
             yref="paper",
             xanchor="left",
             yanchor="bottom",
             showarrow=False,
-            font={"size": 13},
+            font={"size": sizes.title},
         )
         for rank, curve in enumerate(chart.curves):
             drawn.add_trace(_line(curve, axis, 30 - rank))  # listed from the one on top down
         for points in chart.points:
             drawn.add_trace(_markers(points, axis))
-        for mark in chart.marks:
+        for span in chart.spans:
             drawn.add_shape(
-                type="line",
-                x0=mark.at,
-                x1=mark.at,
-                y0=0,
-                y1=1,
-                xref=f"x{axis}",
-                yref=f"y{axis} domain",
-                line={"color": mark.colour, "dash": mark.dash, "width": 1.2},
-                layer="below",
+                **_upright(axis, span.start, span.stop),
+                type="rect",
+                fillcolor=span.colour,
+                opacity=SHADE,
+                line_width=0,
             )
+        for mark in chart.marks:
+            line = {"color": mark.colour, "dash": mark.dash, "width": 1.2}
+            drawn.add_shape(**_upright(axis, mark.at, mark.at), type="line", line=line)
     _explain_marks(drawn, charts, layout, len(charts) + 1, height)
     drawn.update_layout(
         **layout,
         height=height,
-        margin={"l": 62, "r": 12, "t": _TOP_PX, "b": _BOTTOM_PX},
+        margin={"l": sizes.left, "r": 12, "t": sizes.top, "b": sizes.bottom},
         font={"family": _FONT, "size": 12, "color": "#1a1a1a"},
         plot_bgcolor="white",
         paper_bgcolor="white",
@@ -85,6 +104,12 @@ def figure(charts: Sequence[Chart], columns: int = 2) -> Any:
         dragmode="zoom",
     )
     return drawn
+
+
+def _upright(axis: str, start: float, stop: float) -> dict[str, Any]:
+    """Return where a shape is that goes from the bottom of a plot to its top."""
+    at = {"x0": start, "x1": stop, "y0": 0, "y1": 1}
+    return {**at, "xref": f"x{axis}", "yref": f"y{axis} domain", "layer": "below"}
 
 
 def _axes(
@@ -118,7 +143,7 @@ def _line(curve: Curve, axis: str, rank: int) -> Any:
         legend=f"legend{axis}",
         legendrank=rank,
         showlegend=bool(curve.name),
-        hovertemplate=f"%{{y:{curve.digits}}}",
+        hovertemplate=f"%{{y:{curve.digits}}} {curve.unit}".rstrip(),
         hoverinfo=None if curve.name and len(curve.x) > 2 else "skip",
     )
 
@@ -149,7 +174,20 @@ def _markers(points: Points, axis: str) -> Any:
 
 
 def _explain_marks(drawn: Any, charts: Sequence[Chart], layout: dict[str, Any], number: int, height: int) -> None:
-    """One line of legend above the whole: what the vertical lines are."""
+    """One legend above the whole: what the vertical lines and the shaded times are."""
+    spans = {span.name: span for chart in charts for span in chart.spans}
+    for span in spans.values():
+        drawn.add_trace(
+            go.Scatter(
+                x=[None],
+                y=[None],
+                name=span.name,
+                mode="markers",
+                marker={"symbol": "square", "size": 12, "color": span.colour, "opacity": 2 * SHADE},
+                legend=f"legend{number}",
+                hoverinfo="skip",
+            )
+        )
     marks = {mark.name: mark for chart in charts for mark in chart.marks}
     for mark in marks.values():
         drawn.add_trace(
@@ -173,5 +211,4 @@ def _explain_marks(drawn: Any, charts: Sequence[Chart], layout: dict[str, Any], 
         "font": {"size": 12, "color": BLACK},
         "itemclick": False,
         "itemdoubleclick": False,
-        "title": {"text": "Vertical lines: "},
     }

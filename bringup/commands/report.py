@@ -7,8 +7,8 @@ import click
 
 from ac_common.errors import UserError
 from bringup.commands.console import print_json, say
-from bringup.commands.options import bag_argument, examples, json_option, path_option
-from bringup.commands.outcome import companion, make_folder, write_page
+from bringup.commands.options import SomePath, examples, json_option, path_option
+from bringup.commands.outcome import beside_bag, companion, make_folder, write_page
 
 if TYPE_CHECKING:
     from ac_experiments.recording import Recording
@@ -18,12 +18,13 @@ if TYPE_CHECKING:
     epilog=examples(
         "acftc report results/e5 # also when the run was cut short",
         "acftc report results/e5/bag --beside results/e5_passive/bag --out e5.html",
+        "acftc report results/e5 results/e5_passive results/weak # any runs beside each other",
         "acftc report results/e5 --alone --json | jq .metrics",
     ),
     short_help="Write the report of a recorded run.",
 )
-@bag_argument
-@path_option("--out", metavar="FILE", help="Default: report.html beside the bag.")
+@click.argument("bags", metavar="BAG [BAG ...]", nargs=-1, required=True, type=SomePath(path_type=Path))
+@path_option("--out", metavar="FILE", help="Default: report.html beside the bag, of several comparison.html.")
 @path_option(
     "--beside",
     metavar="BAG",
@@ -31,26 +32,29 @@ if TYPE_CHECKING:
 )
 @click.option("--alone", is_flag=True, help="Draw no other run beside this one.")
 @json_option
-def report(bag: Path, out: Path | None, beside: Path | None, alone: bool, as_json: bool) -> None:
-    """Write the report of a recorded run, also of one that was cut short.
+def report(bags: tuple[Path, ...], out: Path | None, beside: Path | None, alone: bool, as_json: bool) -> None:
+    """Write the report of a recorded run, also of one that was cut short, or of several beside each other.
 
     BAG is the folder of a run, its bag, or an .mcap file. FILE gets the report; pictures of the plots get its name with
-    .svg and .png. With --json the key figures are printed as in summary.json.
+    .svg and .png. With --json the key figures are printed as in summary.json, those of several runs as a list.
     """
-    from ac_experiments.bags.reader import read_bag
     from ac_experiments.metrics import summarise
 
     if alone and beside:
         msg = "--alone and --beside exclude each other"
         raise UserError(msg)
-    target = out or _default(bag)
+    bag, *others = bags
+    target = out or beside_bag(bag, "comparison.html" if others else "report.html")
     if target.suffix != ".html":
         msg = f"--out {target}: the report's name must end in .html; its pictures get the same name with .svg and .png"
         raise UserError(msg)
-    recording = read_bag(bag)
-    if len(recording.time_s) == 0:
-        msg = f"{bag}: holds no tick; the run was cut short before its first"
-        raise UserError(msg)
+    if others:
+        if alone or beside:
+            msg = "--alone and --beside: only with one BAG; several are drawn beside each other"
+            raise UserError(msg)
+        _compare(bags, target, as_json)
+        return
+    recording = _whole(bag)
     summary = summarise(recording)
     if beside:
         other: Recording | None = _other(recording, beside)
@@ -64,10 +68,28 @@ def report(bag: Path, out: Path | None, beside: Path | None, alone: bool, as_jso
     say(f"wrote {target}")
 
 
-def _default(bag: Path) -> Path:
-    """Put the report beside the bag: into the folder of the run."""
-    folder = bag.resolve()
-    return (folder if (folder / "bag").is_dir() else folder.parent) / "report.html"
+def _compare(bags: tuple[Path, ...], target: Path, as_json: bool) -> None:
+    from ac_experiments.report.comparison import MOST_RUNS, named, write_comparison
+
+    if len(bags) > MOST_RUNS:
+        msg = f"{len(bags)} runs given; allowed: {MOST_RUNS} at most"
+        raise UserError(msg)
+    runs = named([(str(bag), _whole(bag)) for bag in bags])
+    make_folder(target.resolve().parent)
+    write_comparison(target, runs)
+    if as_json:
+        print_json([{"run": run.name, **run.summary} for run in runs])
+    say(f"wrote {target}")
+
+
+def _whole(bag: Path) -> "Recording":
+    from ac_experiments.bags.reader import read_bag
+
+    recording = read_bag(bag)
+    if len(recording.time_s) == 0:
+        msg = f"{bag}: holds no tick; the run was cut short before its first"
+        raise UserError(msg)
+    return recording
 
 
 def _other(recording: "Recording", beside: Path) -> "Recording":

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from ac_experiments.recording import Recording
 from ac_experiments.report.charts import EVERY_POINT, MISS, Chart, Curve, Mark, Points, kept_ticks
 from ac_experiments.report.matplotlib_charts import draw, mathtext, save
-from ac_experiments.report.panels import STORY, around, charts_of
+from ac_experiments.report.moments import around
+from ac_experiments.report.panels import STORY, charts_of
 from ac_experiments.report.plotly_charts import figure
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -109,7 +110,7 @@ def test_a_run_is_drawn_with_axes_units_and_what_the_marks_mean(charts: list[Cha
     assert [(mark.name, mark.at) for mark in charts[0].marks] == [
         ("fault begins", 100.0),
         ("detected", 103.0),
-        ("isolated, its Q takes over", 107.0),
+        ("f<sub>N</sub> isolated: Q<sub>act</sub> takes over", 107.0),
         ("p<sub>e</sub> back at its reference", pytest.approx(118.4)),
     ]
     residual = next(chart for chart in charts if chart.y_title == "r<sub>N</sub>, rpm")
@@ -151,7 +152,7 @@ def test_the_page_and_the_picture_show_the_same(charts: list[Chart]):
                 assert curve.name in shown
     assert "fault begins" in written
     assert "fault begins" in shown
-    assert sum(len(chart.marks) for chart in charts) == len(moving.layout.shapes)
+    assert sum(len(chart.marks) + len(chart.spans) for chart in charts) == len(moving.layout.shapes)
 
 
 def test_the_pictures_curve_is_where_it_belongs():

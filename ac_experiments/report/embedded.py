@@ -1,0 +1,70 @@
+"""Plots in a page that needs nothing else: one to zoom and point at, and a still one for print and for files."""
+
+import base64
+import gzip
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ac_experiments.report import matplotlib_charts
+from ac_experiments.report.charts import Chart
+from ac_experiments.report.parts import Plot
+
+_WIDE_IN = (2 * matplotlib_charts.SIZE_IN[0], matplotlib_charts.SIZE_IN[1])
+
+#: Draws each plot as wide as the page allows, and anew in one column when the window gets narrow, or wide again.
+_DRAW = """
+const narrow = matchMedia("(max-width: 760px)");
+const drawAll = () => {
+  for (const [name, plot] of Object.entries(plots)) {
+    const layout = narrow.matches ? plot.narrow : plot.wide;
+    document.getElementById(name).style.height = layout.height + "px";
+    Plotly.react(name, plot.data, structuredClone(layout), config);
+  }
+};
+drawAll();
+narrow.addEventListener("change", drawAll);
+"""
+
+
+class Plots:
+    """Puts plots into a page.
+
+    Parameters
+    ----------
+    pictures
+        Path of the page without its suffix: the still pictures are written beside it. None: they are not written.
+    """
+
+    def __init__(self, pictures: Path | None) -> None:
+        self._pictures = pictures
+        self._figures: dict[str, str] = {}
+
+    def put(self, charts: Sequence[Chart], name: str, title: str, *, wide: bool = False) -> Plot:
+        """Return a plot of `charts`, two beside each other or one if `wide`; `name` goes to the picture's file name."""
+        from ac_experiments.report.plotly_charts import NARROW, WIDE, figure  # takes half a second to import
+
+        columns, size_in = (1, _WIDE_IN) if wide else (2, matplotlib_charts.SIZE_IN)
+        moving = figure(charts, columns, WIDE)
+        narrow = json.dumps(json.loads(figure(charts, 1, NARROW).to_json())["layout"])
+        of_wide: dict[str, Any] = json.loads(moving.to_json())
+        data, layout = json.dumps(of_wide["data"]), json.dumps(of_wide["layout"])
+        self._figures[f"plots{name}"] = f'{{"data": {data}, "wide": {layout}, "narrow": {narrow}}}'
+        if self._pictures is None:
+            still = matplotlib_charts.draw(charts, columns, title, size_in)
+        else:
+            still = matplotlib_charts.save(
+                charts, self._pictures.with_name(self._pictures.name + name), columns, title, size_in
+            )
+        picture = base64.b64encode(still.encode()).decode()
+        return Plot(f"plots{name}", title, moving.layout.height, picture)
+
+    def script(self) -> str:
+        """Return the plotting library and all plots as the page unpacks them: gzip in base64, half the size."""
+        from plotly.offline import get_plotlyjs
+
+        figures = ", ".join(f'"{name}": {moving}' for name, moving in self._figures.items())
+        config = {"responsive": True, "displaylogo": False, "toImageButtonOptions": {"format": "svg", "scale": 1}}
+        text = f"{get_plotlyjs()}\nconst plots = {{{figures}}}, config = {json.dumps(config)};{_DRAW}"
+        return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()
