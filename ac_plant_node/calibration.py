@@ -8,6 +8,7 @@ at rest with the given charge; three points then fix the two three-coefficient m
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +18,16 @@ from ac_plant_node.dynamics import balances
 from ac_plant_node.dynamics.drive import default_held, drive
 from ac_plant_node.inputs import INPUT, INPUTS, N_INPUTS, N_PAPER, TO_SI
 from ac_plant_node.parameters.file import load_parameters
-from ac_plant_node.parameters.values import SOLVED, Parameters, TableRow, parameter_range
+from ac_plant_node.parameters.values import NAMES, SOLVED, TABLE_I, Parameters, TableRow, parameter_range, shipped
 from ac_plant_node.properties.lookup import saturation, vapour
 from ac_plant_node.properties.tables import VAPOUR_SPAN_J_KG, Tables, load_tables
+
+
+class NoEquilibrium(UserError):  # noqa: N818  (reads as what it is)
+    """At an operating point the plant cannot be at rest with these parameters."""
+
+    def __init__(self, point: str) -> None:
+        super().__init__(f"calibration: no equilibrium found for the {point!r} point with these parameters")
 
 
 @dataclass(frozen=True)
@@ -70,7 +78,7 @@ def solve_point(row: TableRow, parameters: Parameters, tab: Tables) -> Calibrate
 
     Raises
     ------
-    UserError
+    NoEquilibrium
         When the solver finds none: the parameters do not fit the point.
     """
     from scipy.optimize import root  # half a second to load, and only calibration needs it
@@ -111,10 +119,79 @@ def solve_point(row: TableRow, parameters: Parameters, tab: Tables) -> Calibrate
             best = q
             break
     if best is None:
-        raise UserError(f"calibration: no equilibrium found for the {row.name!r} point with these parameters")
+        raise NoEquilibrium(row.name)
     x = np.empty(balances.N_STATES)
     x[free], x[1], x[2] = best[:10], pe, h_e2
     return CalibratedPoint(row, x, float(best[10]), float(best[11]))
+
+
+def _solved(row: TableRow, parameters: Parameters, tab: Tables) -> CalibratedPoint:
+    """Return what `solve_point` does, or say which number of the row, or which parameter, is to blame."""
+    try:
+        return solve_point(row, parameters, tab)
+    except NoEquilibrium as problem:
+        raise UserError(f"{problem}; {_blamed(row, parameters, tab)}") from None
+
+
+def _blamed(row: TableRow, parameters: Parameters, tab: Tables) -> str:
+    """Return in words what keeps a point from being at rest.
+
+    A superheat that the air cannot give; else a parameter without whose change from the shipped set there is an
+    equilibrium; else a number of the row without whose change from the shipped point of the nearest air there is.
+    """
+    boils_c = saturation(tab, row.evaporator_pressure_kpa * 1.0e3)[0] - 273.15
+    if boils_c + row.superheat_k >= row.air_inlet_temperature_c:
+        return (
+            f"at {row.evaporator_pressure_kpa:g} kPa the refrigerant boils at {boils_c:.1f} degC: "
+            f"{row.superheat_k:g} K of superheat are not to be had from air of {row.air_inlet_temperature_c:g} degC"
+        )
+    usual = {name: float(shipped()[name]["value"]) for name in NAMES if name not in SOLVED}
+    changed = [name for name in usual if parameters[name] != usual[name]]
+    curing = [name for name in changed if _is_at_rest(row, _with(parameters, name, usual[name]), tab)]
+    if curing:
+        told = ", ".join(f"{name} {parameters[name]:g} (shipped: {usual[name]:g})" for name in curing)
+        return f"with the shipped value of one of these there would be one: {told}"
+    typical = min(TABLE_I, key=lambda known: abs(known.air_inlet_temperature_c - row.air_inlet_temperature_c))
+    numbers = [name for name in _ROW_NUMBERS if getattr(row, name) != getattr(typical, name)]
+    curing = [name for name in numbers if _is_at_rest(replace(row, **{name: getattr(typical, name)}), parameters, tab)]
+    if curing:
+        told = ", ".join(f"{name} {getattr(row, name):g} (at {getattr(typical, name):g} there is)" for name in curing)
+        return f"one of these numbers of the row is to blame: {told}"
+    return "no single number is to blame: look at the sizes of heat exchangers, charge and displacement together"
+
+
+#: Numbers of a row that may be to blame.
+_ROW_NUMBERS = ("evaporator_pressure_kpa", "superheat_k", "compressor_speed_rpm", "valve_opening_percent")
+
+
+def _with(parameters: Parameters, name: str, value: float) -> Parameters:
+    changed: dict[str, Any] = {name: value}
+    return parameters.replace(**changed)
+
+
+def _is_at_rest(row: TableRow, parameters: Parameters, tab: Tables) -> bool:
+    try:
+        solve_point(row, parameters, tab)
+    except NoEquilibrium:
+        return False
+    return True
+
+
+def doubtful(parameters: Parameters) -> list[str]:
+    """Return what is wrong with solved coefficients, a sentence each: a sign that no plant of this kind has."""
+    slope = parameters["eta_v_pressure_ratio"]
+    opening = np.array([row.valve_opening_percent / 100.0 for row in parameters.points])
+    growth = parameters["valve_area_1_m2"] + 2.0 * parameters["valve_area_2_m2"] * opening
+    found = []
+    if slope > 0.0:
+        found.append(
+            f"eta_v_pressure_ratio is {slope:+.3g}: a volumetric efficiency that grows with the pressure ratio is not "
+            "physical; a pressure, a speed or a size among the numbers given is wrong"
+        )
+    if growth.min() <= 0.0:
+        at = 100.0 * float(opening[growth.argmin()])
+        found.append(f"at {at:g} % the valve's area falls as it opens: two openings of the points may be mixed up")
+    return found
 
 
 def calibrate(
@@ -146,7 +223,7 @@ def calibrate(
     parameters = parameters or load_parameters()
     tab = tab or load_tables(parameters.refrigerant)
     rows = parameters.points if rows is None else rows
-    points = [solve_point(row, parameters, tab) for row in rows]
+    points = [_solved(row, parameters, tab) for row in rows]
     ratio = np.array([p.state[7] / p.state[1] for p in points])
     speed = np.array([1.0 - 1000.0 / p.row.compressor_speed_rpm for p in points])
     eta = _fit(np.column_stack([np.ones(len(points)), ratio - 4.0, speed]), [p.eta_v for p in points])

@@ -40,11 +40,11 @@ def calibrate(table: Path | None, given: Path | None, out: Path | None, as_json:
 
     At each point the evaporator pressure and the superheat are given. Volumetric efficiency and valve area are solved
     for; three points fix the two maps exactly, more are fitted by least squares. The table shows the equilibria that
-    the calibrated plant then has.
+    the calibrated plant then has. A coefficient with a sign that no such plant has is warned of.
     """
     from ac_plant_node import calibrate as solve
     from ac_plant_node import load_parameters, load_points
-    from ac_plant_node.calibration import row_inputs
+    from ac_plant_node.calibration import doubtful, row_inputs
     from ac_plant_node.equilibrium import equilibrium
     from ac_plant_node.parameters.values import SOLVED
 
@@ -56,10 +56,13 @@ def calibrate(table: Path | None, given: Path | None, out: Path | None, as_json:
     ]
     if out is not None:
         _write(out, solved, f"the {len(rows)} operating points below")
+    warnings = doubtful(solved)
     maps = {name: {"solved": solved[name], "before": before[name]} for name in SOLVED}
     shown = {point.row.name: _point(point, rest) for point, rest in zip(points, reached, strict=True)}
+    for warning in warnings:
+        say(f"warning: {warning}")
     if as_json:
-        print_json({"parameters": maps, "points": shown})
+        print_json({"parameters": maps, "points": shown, "warnings": warnings})
         return
     print_table(
         ["parameter", "solved", "before"],

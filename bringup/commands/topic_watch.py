@@ -147,8 +147,12 @@ def topics_live(period_s: float = 0.5) -> Iterator[list[SeenTopic]]:
             yield watch.rows()
 
 
-def table(rows: list[SeenTopic]) -> Any:
-    """Return the rows as a table for the terminal."""
+#: On a terminal of fewer columns the table leaves away types and nodes, or its lines would be cut off.
+WIDE = 140
+
+
+def table(rows: list[SeenTopic], width: int) -> Any:
+    """Return the rows as a table for a terminal of so many columns."""
     from rich.table import Table
 
     if not rows:
@@ -156,11 +160,21 @@ def table(rows: list[SeenTopic]) -> Any:
             f"no topic of the loop to be seen in ROS domain {os.environ.get('ROS_DOMAIN_ID', '0')}; "
             "is a run going on, in this domain and on this host?"
         )
-    result = Table(box=None, pad_edge=False)
-    for heading, justify in (("topic", "left"), ("type", "left"), ("rate, Hz", "right"), ("last value", "left")):
-        result.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
-    result.add_column("from -> to")
+    is_wide = width >= WIDE
+    caption = None if is_wide else f"types, publishers, subscribers: {WIDE} columns or more, or --json"
+    result = Table(box=None, pad_edge=False, caption=caption, caption_justify="left")
+    result.add_column("topic", no_wrap=True)
+    if is_wide:
+        result.add_column("type", no_wrap=True)
+    result.add_column("rate, Hz", justify="right", no_wrap=True)
+    result.add_column("last value", no_wrap=True, overflow="ellipsis")
+    if is_wide:
+        result.add_column("from -> to")
     for row in rows:
-        way = f"{', '.join(row.publishers) or '-'} -> {', '.join(row.subscribers) or '-'}"
-        result.add_row(row.name, row.type.replace("/msg/", "/"), f"{row.rate_hz:.1f}", row.value, way)
+        name = row.name if is_wide else row.name.removeprefix(f"{NAMESPACE}/")
+        cells = [name, f"{row.rate_hz:.1f}", row.value]
+        if is_wide:
+            cells.insert(1, row.type.replace("/msg/", "/"))
+            cells.append(f"{', '.join(row.publishers) or '-'} -> {', '.join(row.subscribers) or '-'}")
+        result.add_row(*cells)
     return result

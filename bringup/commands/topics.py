@@ -31,4 +31,4 @@ def topics(as_json: bool) -> None:
 
     with Live(auto_refresh=False) as live, contextlib.suppress(KeyboardInterrupt):
         for rows in topics_live():
-            live.update(table(rows), refresh=True)
+            live.update(table(rows, live.console.width), refresh=True)
