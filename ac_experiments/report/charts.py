@@ -19,7 +19,7 @@ BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE, GREY = (
 )
 
 #: Opacity of a shaded time.
-SHADE = 0.16
+SHADE = 0.12
 
 #: A plot of no more points than this shows every one of them.
 EVERY_POINT = 20_000

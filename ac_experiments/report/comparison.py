@@ -78,7 +78,7 @@ def write_comparison(path: Path, runs: Sequence[Run]) -> None:
         Section("figures", "Figures", _figures(runs)),
         Section("faults", "Faults", _faults(runs)),
         *_details(runs, plots),
-        Section("run", "The whole runs", [plots.put(_charts(runs, None), "", "The whole runs")]),
+        Section("run", "The whole runs", [plots.put(_charts(runs, None), "", "The whole runs", still_columns=3)]),
     ]
     page = render_page(
         PAGE,

@@ -11,7 +11,8 @@ from ac_experiments.report import matplotlib_charts
 from ac_experiments.report.charts import Chart
 from ac_experiments.report.parts import Plot
 
-_WIDE_IN = (2 * matplotlib_charts.SIZE_IN[0], matplotlib_charts.SIZE_IN[1])
+#: Of a still picture, by columns: size of each plot, so that letters are as large on paper in all of them.
+_SIZES_IN = {1: (11.2, 2.55), 2: (5.6, 2.55), 3: (3.75, 2.3)}
 
 #: Draws each plot as wide as the page allows, and anew in one column when the window gets narrow, or wide again.
 _DRAW = """
@@ -41,21 +42,25 @@ class Plots:
         self._pictures = pictures
         self._figures: dict[str, str] = {}
 
-    def put(self, charts: Sequence[Chart], name: str, title: str, *, wide: bool = False) -> Plot:
-        """Return a plot of `charts`, two beside each other or one if `wide`; `name` goes to the picture's file name."""
+    def put(self, charts: Sequence[Chart], name: str, title: str, columns: int = 2, still_columns: int = 0) -> Plot:
+        """Return a plot of `charts` in so many columns, the still picture in others when it is said.
+
+        `name` goes to the picture's file name.
+        """
         from ac_experiments.report.plotly_charts import NARROW, WIDE, figure  # takes half a second to import
 
-        columns, size_in = (1, _WIDE_IN) if wide else (2, matplotlib_charts.SIZE_IN)
+        still_columns = still_columns or columns
+        size_in = _SIZES_IN[still_columns]
         moving = figure(charts, columns, WIDE)
         narrow = json.dumps(json.loads(figure(charts, 1, NARROW).to_json())["layout"])
         of_wide: dict[str, Any] = json.loads(moving.to_json())
         data, layout = json.dumps(of_wide["data"]), json.dumps(of_wide["layout"])
         self._figures[f"plots{name}"] = f'{{"data": {data}, "wide": {layout}, "narrow": {narrow}}}'
         if self._pictures is None:
-            still = matplotlib_charts.draw(charts, columns, title, size_in)
+            still = matplotlib_charts.draw(charts, still_columns, title, size_in)
         else:
             still = matplotlib_charts.save(
-                charts, self._pictures.with_name(self._pictures.name + name), columns, title, size_in
+                charts, self._pictures.with_name(self._pictures.name + name), still_columns, title, size_in
             )
         picture = base64.b64encode(still.encode()).decode()
         return Plot(f"plots{name}", title, moving.layout.height, picture)

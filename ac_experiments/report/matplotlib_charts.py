@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 Size = tuple[float, float]
 SIZE_IN: Size = (5.6, 2.55)
 _LEFT_IN, _RIGHT_IN, _TOP_IN, _BOTTOM_IN, _HEAD_IN = 0.72, 0.14, 0.56, 0.5, 0.3
+#: A plot that is less wide has a second row of legend.
+_NARROW_IN, _SECOND_ROW_IN = 4.5, 0.15
 _DPI = 150
 #: Of so many stretches of a curve a picture shows the lowest and the highest point; each is 0.3 mm wide.
 _STRETCHES = 400
@@ -116,14 +118,16 @@ def _figure(charts: Sequence[Chart], columns: int, size_in: Size) -> "Figure":
     for number, chart in enumerate(charts):
         row, column = divmod(number, columns)
         left, bottom = column * wide + _LEFT_IN, (rows - 1 - row) * high + _BOTTOM_IN
-        size = (wide - _LEFT_IN - _RIGHT_IN) / width, (high - _TOP_IN - _BOTTOM_IN) / height
-        _chart(drawn.add_axes((left / width, bottom / height, *size)), chart)
+        top_in = _TOP_IN + (_SECOND_ROW_IN if wide < _NARROW_IN else 0.0)
+        size = (wide - _LEFT_IN - _RIGHT_IN) / width, (high - top_in - _BOTTOM_IN) / height
+        _chart(drawn.add_axes((left / width, bottom / height, *size)), chart, wide < _NARROW_IN)
     if marks or spans:
         _explain(drawn, list(spans.values()), list(marks.values()), _LEFT_IN / width)
     return drawn
 
 
-def _chart(axes: "Axes", chart: Chart) -> None:
+def _chart(axes: "Axes", chart: Chart, is_narrow: bool) -> None:
+    """Draw a chart; the legend of a narrow one takes two rows."""
     if "x" in chart.log:
         axes.set_xscale("log")
     if "y" in chart.log:
@@ -143,7 +147,7 @@ def _chart(axes: "Axes", chart: Chart) -> None:
         )
     for points in chart.points:
         _points(axes, points)
-    axes.set_title(mathtext(chart.title), loc="left", fontsize=9.5, fontweight="bold", pad=20)
+    axes.set_title(mathtext(chart.title), loc="left", fontsize=9.5, fontweight="bold", pad=31 if is_narrow else 20)
     axes.set_xlabel(mathtext(chart.x_title))
     axes.set_ylabel(mathtext(chart.y_title))
     axes.grid(True)
@@ -161,7 +165,7 @@ def _chart(axes: "Axes", chart: Chart) -> None:
             handles=[*lines[:kinds][::-1], *lines[kinds:]],  # from the one on top down
             loc="lower left",
             bbox_to_anchor=(-0.012, 0.985),
-            ncols=len(lines),
+            ncols=(len(lines) + 1) // 2 if is_narrow else len(lines),
             handlelength=2.2,
             columnspacing=1.2,
             borderaxespad=0.1,

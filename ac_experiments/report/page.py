@@ -93,7 +93,7 @@ def render(
         Section("run", "The whole run", _whole_run(recording, beside, note, plots)),
         Section("nodes", "Timing and health of the nodes", _nodes(recording, reports, plots)),
         Section("events", "Events", _events_table(_with_decisions(events, summary, recording))),
-        Section("parameters", "Parameters", _parameters(recording)),
+        Section("parameters", "Parameters", _parameters(recording), on_paper=False),
         Section("again", "How to run it again", _again(summary, recording.metadata)),
     ]
     return render_page(
@@ -218,7 +218,8 @@ def _details(
 def _whole_run(recording: Recording, beside: Recording | None, note: str, plots: Plots) -> list[Part]:
     hint = "Drag to zoom, double-click to see all again; a click on a name in a legend hides its line."
     charts = charts_of(recording, beside)
-    picture = plots.put(charts, "", f"{recording.metadata['scenario']['name']}: the whole run")
+    name = recording.metadata["scenario"]["name"]
+    picture = plots.put(charts, "", f"{name}: the whole run", still_columns=3)
     return [*_note(note), Words(hint, "hint"), picture]
 
 
@@ -255,7 +256,7 @@ def _nodes(recording: Recording, reports: Sequence[Report], plots: Plots) -> lis
         parts.append(Words(text))
     charts = health_charts(reports)
     if charts:
-        parts.append(plots.put(charts, "_nodes", "Timing of the nodes", wide=True))
+        parts.append(plots.put(charts, "_nodes", "Timing of the nodes", columns=1))
     return parts
 
 
@@ -354,9 +355,9 @@ def _noise(noise: Mapping[str, Any]) -> str:
 def _again(summary: Mapping[str, Any], about: Mapping[str, Any]) -> list[Part]:
     """Return the command that repeats the run, and the scenario in full."""
     scenario = about["scenario"]
+    text = Words(yaml_text(_without_empty(scenario), width=100), "listing")
     if about.get("command"):
-        text = Words(yaml_text(_without_empty(scenario), width=100), "code")
-        return [Words(f"{about['command']} --out results/again", "code"), Words("The scenario in full:", "note"), text]
+        return [Words(f"{about['command']} --out results/again", "code"), Words("The scenario in full:", "hint"), text]
     from ac_experiments.drives import name_of
     from ac_experiments.scenario import built_in_scenarios, load
 
@@ -370,9 +371,8 @@ def _again(summary: Mapping[str, Any], about: Mapping[str, Any]) -> list[Part]:
         command = f"acftc simulate {source} --out results{passive}"
     else:
         command = f"acftc run {source} --out results --mode {summary['mode']}{passive}"
-    text = Words(yaml_text(_without_empty(scenario), width=100), "code")
     if built_in:
-        return [Words(command, "code"), Words("The built-in scenario in full:", "note"), text]
+        return [Words(command, "code"), Words("The built-in scenario in full:", "hint"), text]
     saved = Markup("Save the scenario as <code>scenario.yaml</code>, then:")
     return [Words(saved, "note"), Words(command, "code"), text]
 

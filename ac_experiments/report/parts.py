@@ -24,7 +24,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Words:
-    """A paragraph (kind "text", "note", or "hint": a note for the screen alone), a heading ("heading"), or "code"."""
+    """A paragraph ("text", "note", or "hint": a note for the screen alone), a "heading", "code", or a "listing"."""
 
     text: Cell
     kind: str = "text"
@@ -46,11 +46,12 @@ Part = Table | Words | Plot
 
 @dataclass(frozen=True)
 class Section:
-    """A section of a page."""
+    """A section of a page; what is not `on_paper` is left away in print."""
 
     name: str
     heading: Cell
     parts: Sequence[Part]
+    on_paper: bool = True
 
 
 def code(text: object) -> Markup:

@@ -23,6 +23,8 @@ _ROWS = (
     ("cop", "COP: cooling over compressor power", "", 1.0, ".2f"),
     ("subcooling", "Subcooling", "K", 1.0, ".2f"),
 )
+#: Rows that say nothing in dry air.
+_OF_WATER = ("sensible_cooling", "latent_cooling", "condensed_water", "frost")
 
 
 def figures(values: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:
@@ -52,7 +54,9 @@ def performance_table(recording: Recording, beside: Recording | None = None) -> 
         series, last = performance_of(run), round(WINDOW_S / run.metadata["sample_time_s"])
         columns += [figures(series), figures({name: one[-last:] for name, one in series.items()})]
     rows = [
-        [name, unit, *(cell(column[key] / si, digits) for column in columns)] for key, name, unit, si, digits in _ROWS
+        [name, unit, *(cell(column[key] / si, digits) for column in columns)]
+        for key, name, unit, si, digits in _ROWS
+        if key not in _OF_WATER or any(column["latent_cooling"] for column in columns)
     ]
     joules = energies_j(recording)
     work, cooling = joules["compressor"], joules["cooling"]
@@ -72,6 +76,7 @@ def performance_rows(recordings: Sequence[Recording]) -> list[list[str]]:
     return [
         [name, unit, *(cell(one[key] / si if one else None, digits) for one in means)]
         for key, name, unit, si, digits in _ROWS
+        if key not in _OF_WATER or any(one.get("latent_cooling") for one in means)
     ]
 
 

@@ -30,7 +30,7 @@ class Sizes:
 
 #: For a page that is wide enough for two plots beside each other, and for a telephone, where a legend takes two lines.
 WIDE = Sizes(plot=170, gap=104, top=96, bottom=50, left=62, legend=11, title=13, title_above=26)
-NARROW = Sizes(plot=170, gap=136, top=190, bottom=50, left=50, legend=10, title=13, title_above=58)
+NARROW = Sizes(plot=180, gap=150, top=205, bottom=50, left=50, legend=10, title=13, title_above=64)
 
 _COLUMN_GAP = 0.085
 _SYMBOLS = {"triangle": ("triangle-up-open", 14), "diamond": ("diamond", 10)}

@@ -114,7 +114,8 @@ def write_page(path: Path, recording: "Recording", bag: Path | None, beside: "Re
     from ac_experiments.report.nodes import first_tick_s, reports_of
     from ac_experiments.report.page import write_report
 
-    raw = RawBag() if bag is None else read_raw(bag)
+    is_one_process = recording.metadata["mode"] == "simulate"  # no nodes, so no health of theirs
+    raw = RawBag() if bag is None or is_one_process else read_raw(bag)
     write_report(path, recording, beside, note, reports_of(raw), first_tick_s(raw))
 
 

@@ -50,11 +50,19 @@ LOADS = (
 USUAL_RAMP_S = 20.0
 
 
-def _spinner(name: str, title: str, value: float, low: float, high: float, step: float) -> Spinner:
-    return Spinner(
-        name=name, title=title, value=value, low=low, high=high, step=step, format="0[.]0[00]",
+def _spinner(name: str, title: str, value: float, low: float, high: float, step: float, link: Link) -> Spinner:
+    """Make a field for a number. Its limits are in its tags: those of Bokeh's put back what is beyond, in silence."""
+    spinner = Spinner(
+        name=name, title=title, value=value, tags=[low, high], step=step, format="0[.]0[00]",
         sizing_mode="stretch_width", margin=0, stylesheets=[STYLE],
     )  # fmt: skip
+
+    def told(_attr: str, _old: float | None, _new: float | None) -> None:
+        if problem := _complaint(spinner):
+            link.say(problem, failed=True)
+
+    spinner.on_change("value", told)
+    return spinner
 
 
 def _select(name: str, title: str, value: str, options: list[Any]) -> Select:
@@ -87,9 +95,9 @@ class FaultControl:
     def __init__(self, name: str, faults: Sequence[Fault], link: Link) -> None:
         self._fault, self._link = faults[0], link
         self._active = False
-        self._size = _spinner(f"size_{name}", "size", 0.0, 0.0, 1.0, 1.0)
+        self._size = _spinner(f"size_{name}", "size", 0.0, 0.0, 1.0, 1.0, link)
         self._profile = _select(f"profile_{name}", "shape", PROFILES[0], list(PROFILES))
-        self._time = _spinner(f"time_{name}", "time, s", 60.0, 0.1, 86400.0, 10.0)
+        self._time = _spinner(f"time_{name}", "time, s", 60.0, 0.1, 86400.0, 10.0, link)
         self._time.visible = False
         self._profile.on_change("value", lambda _attr, _old, _new: self._show_time())
         self._button = _button(f"inject_{name}", "", self._clicked, "primary")
@@ -117,8 +125,7 @@ class FaultControl:
         self._fault = fault
         self._size.update(
             title=f"size, {fault.unit}",
-            low=_round(fault.lowest_live_si / fault.si),
-            high=_round(fault.largest_live_si / fault.si),
+            tags=[_round(fault.lowest_live_si / fault.si), _round(fault.largest_live_si / fault.si)],
             value=fault.typical,
             step=1.0 if fault.typical > 1.0 else 0.1,
         )
@@ -171,10 +178,10 @@ class ChangeControl:
         #: What was last sent from each spinner, or put into it: where it holds something else, that was typed since.
         self._ours = dict.fromkeys((limits.name for limits in OFFSETS), 0.0)
         self._spinners = [
-            _spinner(name, title, 0.0, _round((limits.low or 0.0) / si), _round((limits.high or 0.0) / si), step)
+            _spinner(name, title, 0.0, _round((limits.low or 0.0) / si), _round((limits.high or 0.0) / si), step, link)
             for (name, title, si, step), limits in zip(CHANGES, OFFSETS, strict=True)
         ]
-        self._ramp = _spinner("change_ramp", "within, s", USUAL_RAMP_S, 0.0, 86400.0, 10.0)
+        self._ramp = _spinner("change_ramp", "within, s", USUAL_RAMP_S, 0.0, 86400.0, 10.0, link)
         self._apply = _button("apply_changes", "Apply", self._clicked, "primary")
         self._back = _button("undo_changes", "Back to zero", self._undo)
         self._loads = [
@@ -264,10 +271,8 @@ class RunControl:
 
 
 def _complaint(spinner: Spinner) -> str:
-    """Return what is wrong with a number, empty when nothing is: the browser lets through what is out of range."""
-    low, value, high = spinner.low, spinner.value, spinner.high
-    assert low is not None
-    assert high is not None
+    """Return what is wrong with a number, empty when nothing is."""
+    (low, high), value = spinner.tags, spinner.value
     if value is None or not low <= value <= high:
         return f"{spinner.title}: given {'nothing' if value is None else f'{value:g}'}; allowed: {low:g} to {high:g}"
     return ""

@@ -21,6 +21,7 @@ import socket
 import subprocess
 import sys
 import threading
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlsplit
@@ -63,6 +64,10 @@ class Door:
         """Name of the cookie that holds the token: cookies do not distinguish ports."""
         return f"acftc-dash-{self.port}"
 
+    def knows(self, tokens: Iterable[str | None]) -> bool:
+        """Return whether one of these is the token."""
+        return any(hmac.compare_digest((given or "").encode(), self.token.encode()) for given in tokens)
+
     def refusal(self, host: str, origin: str | None, tokens: tuple[str | None, ...]) -> str:
         """Return why a request is refused, empty when it is not.
 
@@ -77,7 +82,7 @@ class Door:
             return f"this page is for this machine alone: http://127.0.0.1:{self.port}/"
         if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
             return "this page answers no other web page"
-        if self.token and not any(hmac.compare_digest((given or "").encode(), self.token.encode()) for given in tokens):
+        if self.token and not self.knows(tokens):
             return "open the address with the token that acftc dash has printed"
         return ""
 
@@ -235,7 +240,10 @@ def _gate(app: Any, door: Door) -> Any:
 
     class WithToken(RequestHandler):
         def prepare(self) -> None:
-            self.set_cookie(door.cookie, self.get_query_argument("token"), httponly=True, samesite="Lax")
+            if door.knows(
+                self.get_query_arguments("token", strip=False)
+            ):  # not a wrong one over a cookie that is right
+                self.set_cookie(door.cookie, door.token, httponly=True, samesite="Lax")
             self.redirect("/")
 
     refused, with_token = Application([(".*", Refused)]), Application([(".*", WithToken)])

@@ -87,3 +87,20 @@ def test_dragging_zooms_all_plots_of_the_column_and_a_double_click_shows_all_aga
 
 def test_it_asked_nobody(report: Page) -> None:
     assert [url for url in report.asked if not url.startswith(("file:", "data:", "blob:"))] == []
+
+
+def test_a_telephone_shows_one_plot_beside_nothing_else(browser: Browser, report: Page) -> None:
+    narrow = new_page(browser, width=400, height=800)
+    narrow.goto(report.url)
+    expect(narrow.locator("#plots .main-svg").first).to_be_visible()
+    assert narrow.evaluate("document.documentElement.scrollWidth") <= 400
+    domains = "['xaxis', 'xaxis2'].map(axis => document.getElementById('plots').layout[axis].domain)"
+    assert narrow.evaluate(domains) == [[0, 1], [0, 1]]
+    narrow.set_viewport_size({"width": 1200, "height": 800})
+    until(lambda: narrow.evaluate(domains)[0][1] < 0.5, "a wide window keeps the narrow plots")
+    narrow.close()
+
+
+def test_it_takes_three_pages_of_paper(report: Page) -> None:
+    paper = report.pdf(prefer_css_page_size=True)
+    assert len(re.findall(rb"/Type\s*/Page[^s]", paper)) <= 3

@@ -24,6 +24,11 @@ class Sent:
 
         self.faults: list[tuple[str, Mapping[str, Any]]] = []
 
+        self.said: list[tuple[str, bool]] = []
+
+    def say(self, words: str, failed: bool = False) -> None:
+        self.said.append((words, failed))
+
     def inject(self, fault: str, values: Mapping[str, Any]) -> None:
         self.faults.append((fault, values))
 
@@ -141,8 +146,9 @@ def test_one_control_offers_all_faults_without_a_filter_with_their_own_limits(se
     assert [option[0] for option in kind.options] == [fault.kind for fault in UNFILTERED]
     for fault in UNFILTERED:
         kind.value = fault.kind
-        assert size.low == pytest.approx(fault.lowest_live_si / fault.si, rel=0.1)
-        assert size.low <= size.value == fault.typical <= size.high
+        low, high = size.tags
+        assert low == pytest.approx(fault.lowest_live_si / fault.si, rel=0.1)
+        assert low <= size.value == fault.typical <= high
         control.show(view())
         assert button.label == f"Inject {fault.symbol}"
         control._clicked()

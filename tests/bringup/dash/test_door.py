@@ -158,6 +158,10 @@ def test_a_page_for_others_wants_the_token_once() -> None:
         assert {"httponly", "samesite=lax"} <= {part.strip().lower() for part in headers["Set-Cookie"].split(";")}
         assert get(address, Cookie=cookie)[0] == 200
         assert get(address, Cookie=f"{door.cookie}=wrong")[0] == 403
+        # A link with another token does not lock out a browser that has the right one.
+        status, _, headers = get(address, "/?token=wrong", Cookie=cookie)
+        assert (status, headers["Location"]) == (302, "/")
+        assert "Set-Cookie" not in headers
         origin = f"http://127.0.0.1:{door.port}"
         assert handshake(address, Origin=origin) == 403
         assert handshake(address, Origin=origin, Cookie=cookie) == 101
