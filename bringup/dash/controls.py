@@ -166,7 +166,13 @@ class FaultControl:
         for key in PROFILE_KEYS[self._profile.value]:
             if key.endswith("_s"):
                 values[key] = float(self._time.value)
-        self._link.inject(self._fault.kind, values)
+        self._link.inject(self._fault.kind, values, self._in_words())
+
+    def _in_words(self) -> str:
+        """Return what is injected, in the units that were typed."""
+        if self._profile.value == STUCK:
+            return f"{self._fault.symbol}: stuck"
+        return f"{self._fault.symbol}: {self._profile.value} of {self._size.value:g} {self._fault.unit}"
 
 
 class ChangeControl:

@@ -23,10 +23,12 @@ from rclpy.task import Future
 from std_srvs.srv import SetBool
 
 from ac_common.errors import UserError, one_line
+from ac_common.faults import BY_KIND
 from ac_common.fdi_status import status_row
 from ac_common.health import HealthReport
 from ac_common.topics import (
     BY_NAME,
+    COMPENSATOR,
     DIAGNOSTICS,
     INJECTOR,
     NAMESPACE,
@@ -40,6 +42,7 @@ from ac_ros_common.client_node import client_node
 from ac_ros_common.inputs import Gate, Subscriptions
 from ac_ros_common.messages import message_class
 from ac_ros_common.qos import PLAIN_QOS
+from bringup.dash.events import Events
 from bringup.dash.reset import reset
 from bringup.dash.rows import TOPIC_NAMES, Rows, threshold_values
 from bringup.dash.view import WATCHED, Heard, View
@@ -67,12 +70,15 @@ class Link:
     ----------
     rows : Rows
         What the loop has published, for the plots.
+    events : Events
+        What has happened in it.
     """
 
     def __init__(self, domain: int, is_starting: bool = False) -> None:
         self.domain = domain
         self._is_starting = is_starting
         self.rows = Rows()
+        self.events = Events()
         self._heard = Heard()
         self._jobs: queue.SimpleQueue[Coroutine[Any, Any, None]] = queue.SimpleQueue()
         self._turns: list[Any] = []  # what waits for the thread's next turn
@@ -114,13 +120,16 @@ class Link:
 
     # -- controls -----------------------------------------------------------------------------------------------
 
-    def inject(self, fault: str, values: Mapping[str, Any]) -> None:
-        """Start a live fault, or let the running one follow; `values` are parameters of it, without its name."""
-        self._jobs.put(self._inject(fault, values))
+    def inject(self, fault: str, values: Mapping[str, Any], words: str) -> None:
+        """Start a live fault, or let the running one follow.
+
+        `values` are parameters of it, without its name; `words` say it to people, in their units.
+        """
+        self._jobs.put(self._inject(fault, values, words))
 
     def stop_fault(self, fault: str) -> None:
         """End a live fault."""
-        self._jobs.put(self._switch(fault, on=False))
+        self._jobs.put(self._switch(fault, f"{BY_KIND[fault].symbol} ends with the next tick", on=False))
 
     def change(self, node: str, values: Mapping[str, Any], done: str) -> None:
         """Set live parameters of a node; `done` is what to say then."""
@@ -155,24 +164,26 @@ class Link:
         except UserError as problem:
             self.say(one_line(problem), failed=True)
         else:
+            self._jobs.put(self._set(COMPENSATOR, {"accommodate": self._heard.accommodated_first}))
             self._heard.live_faults = frozenset()
             self.say("started anew, at rest")
 
-    async def _inject(self, fault: str, values: Mapping[str, Any]) -> None:
+    async def _inject(self, fault: str, values: Mapping[str, Any], words: str) -> None:
         if await self._set(INJECTOR, {f"{fault}.{key}": value for key, value in values.items()}):
             if fault in self._heard.live_faults:
-                self.say(f"{fault}: the running fault follows")
+                self.say(f"{words}: the running fault follows")
             else:
-                await self._switch(fault, on=True)
+                await self._switch(fault, f"{words} starts with the next tick", on=True)
 
-    async def _switch(self, fault: str, on: bool) -> None:
+    async def _switch(self, fault: str, words: str, on: bool) -> None:
         reply = await self._ask(SetBool, f"{INJECTOR}/{fault}", SetBool.Request(data=on))
         if reply is None:
             return
         if reply.success:
             faults = self._heard.live_faults
             self._heard.live_faults = faults | {fault} if on else faults - {fault}
-        self.say(reply.message, failed=not reply.success)
+            self.events.injected(self.rows.newest_ns, self._heard.live_faults)
+        self.say(words if reply.success else reply.message, failed=not reply.success)
 
     async def _change(self, node: str, values: Mapping[str, Any], done: str) -> None:
         if await self._set(node, values):
@@ -216,9 +227,9 @@ class Link:
             self._heard.asked.discard(node)  # with its next report it is asked again
             return
         values = map(parameter_value_to_python, reply.values)
-        self._heard.parameters[node] = {
-            name: value for name, value in zip(names, values, strict=False) if value is not None
-        }
+        self._heard.take_parameters(
+            node, {name: value for name, value in zip(names, values, strict=False) if value is not None}
+        )
 
     async def _ask(self, kind: Any, service: str, request: Any, quietly: bool = False) -> Any:
         """Answer of a service; None, with a line on the page unless `quietly`, when there is none in time."""
@@ -270,6 +281,7 @@ class Link:
         except (ValueError, IndexError):
             return
         self._heard.status = status
+        self.events.decided(time_ns, status)
         self.rows.add(time_ns, threshold_values(status))
 
     def _hear_health(self, message: DiagnosticArray) -> None:
@@ -277,8 +289,11 @@ class Link:
             name = status.name.rsplit("/", 1)[-1]
             if status.name != f"{NAMESPACE}/{name}":
                 continue
-            if self._heard.hear_health(name, {item.key: item.value for item in status.values}):
+            values = {item.key: item.value for item in status.values}
+            if self._heard.hear_health(name, values):
                 self._jobs.put(self._get(name))
+            self.events.announced(name, HealthReport.read(values).announced)
+            self.events.injected(self.rows.newest_ns, self._heard.live_faults)
 
     def _hear_parameters(self, event: ParameterEvent) -> None:
         name = event.node.rsplit("/", 1)[-1]

@@ -1,8 +1,10 @@
 """The page: plots, lamps, controls, for each browser that opens it; the graph's state is the same for all."""
 
+import ctypes
+import gc
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,12 +27,14 @@ from bringup.dash.controls import (
     RunControl,
 )
 from bringup.dash.cycle import corners, subcooled_enthalpy
+from bringup.dash.events import Happening, marks
 from bringup.dash.link import Link
 from bringup.dash.plots import (
     TIME_PLOTS,
     cycle_columns,
     cycle_plot,
     cycle_source,
+    event_source,
     keys,
     time_plots,
     zone_columns,
@@ -46,6 +50,10 @@ UPDATE_MS = 100
 TEXT_PERIOD_S = 0.5
 #: A browser that has drawn nothing for so long, s, gets another update all the same: its answer may be lost.
 ANSWER_S = 1.0
+#: How long after a page is gone what it held is given back, s.
+TIDY_S = 1.0
+#: So many of the last events are listed.
+SHOWN_EVENTS = 12
 #: Choices of how much time the plots show, s.
 WINDOWS_S = (30, 120, round(WINDOW_S))
 
@@ -66,6 +74,9 @@ _TEXT = """
 .readouts div { border-left: 3px solid #56B4E9; padding-left: 7px; }
 .readouts b { display: block; font-size: 16px; font-variant-numeric: tabular-nums; white-space: nowrap; }
 .readouts span { font-size: 12px; color: #444; white-space: nowrap; }
+.happenings { font-size: 12px; } .happenings table { border-collapse: collapse; width: 100%; }
+.happenings td { padding: 1px 8px 1px 0; vertical-align: top; } .happenings td:first-child { white-space: nowrap; }
+.happenings h2 { font-size: 13px; margin: 0 0 3px; } .happenings p { margin: 6px 0 0; color: #444; }
 .said { min-height: 1.3em; overflow-wrap: anywhere; }
 .said.failed { color: #8a2b00; font-weight: 600; }
 .said.failed::before { content: "\\2717\\00A0"; }
@@ -97,29 +108,44 @@ def make_page(link: Link, problem: Callable[[], str]) -> Callable[[Document], No
         document.template_variables["loads"] = [name for name, *_ in CHANGES[N_REFERENCES:]]
         document.template_variables["references"] = [name for name, *_ in CHANGES[:N_REFERENCES]]
         document.template_variables["moves"] = [f"load_{number}" for number in range(len(LOADS))]
-        page = _Page(link, problem)
+        page = _Page(link, problem, document.session_context.session if document.session_context else None)
         with document.models.freeze():  # Bokeh would look through all models again with each root: seconds
             for root in page.roots:
                 document.add_root(root)
         document.js_on_event("connection_lost", CustomJS(code="document.getElementById('lost').hidden = false"))
         page.update()
         document.add_periodic_callback(page.update, UPDATE_MS)
+        document.on_session_destroyed(_tidy_up)
 
     return fill
+
+
+def _tidy_up(_session: Any) -> None:
+    """Give back to the system what a page has held: Bokeh lets go of it, and the C library would keep it for later."""
+    from tornado.ioloop import IOLoop
+
+    def give_back() -> None:
+        gc.collect()
+        if trim := getattr(ctypes.CDLL(None), "malloc_trim", None):  # glibc's
+            trim(0)
+
+    IOLoop.current().call_later(TIDY_S, give_back)
 
 
 class _Page:
     """What one browser sees."""
 
-    def __init__(self, link: Link, problem: Callable[[], str]) -> None:
-        self._link, self._problem = link, problem
+    def __init__(self, link: Link, problem: Callable[[], str], session: Any) -> None:
+        self._link, self._problem, self._session = link, problem, session
+        self._was_open = False
         self._seen = (0, 0)
         self._texts_s = -math.inf
         self._zones: dict[str, float] = {}
         self._rest_of = ""
         self._source = ColumnDataSource(columns_of([]), name="rows")
         self._cycle, self._rest, self._zone = cycle_source(), cycle_source(), zone_source()
-        plots, self._time = time_plots(self._source)
+        self._event_source = event_source()
+        plots, self._time = time_plots(self._source, self._event_source)
         window = RadioButtonGroup(
             name="window", labels=[f"{s} s" for s in WINDOWS_S], active=1, margin=0, stylesheets=[STYLE]
         )
@@ -136,9 +162,9 @@ class _Page:
         )
         self._source.js_on_change("tags", answer)
         self._time.on_change("tags", lambda _attr, _old, new: self._answered(new))
-        self._lamps, self._readouts, self._said = (
+        self._lamps, self._readouts, self._said, self._happenings = (
             Div(name=name, sizing_mode="stretch_width", margin=0, stylesheets=[_TEXT])
-            for name in ("lamps", "readouts", "said")
+            for name in ("lamps", "readouts", "said", "happenings")
         )
         self._controls: list[FaultControl | ChangeControl | RunControl] = [
             *(FaultControl(fault.symbol, (fault,), link) for fault in ISOLABLE),
@@ -149,11 +175,13 @@ class _Page:
         widgets = [widget for control in self._controls for widget in control.widgets]
         self.roots = [
             *plots, cycle_plot(self._cycle, self._rest), zone_plot(self._zone), window, self._lamps, self._readouts,
-            self._said, *widgets,
+            self._said, self._happenings, *widgets,
         ]  # fmt: skip
 
     def update(self) -> None:
         """Show what is new, unless the browser is still busy with what was."""
+        if self._is_left():
+            return
         now = time.monotonic()
         if self._sent - self._drawn > 1 and now - self._sent_s < ANSWER_S:
             return
@@ -176,6 +204,20 @@ class _Page:
         if now - self._texts_s >= TEXT_PERIOD_S:
             self._texts_s = now
             _set_text(self._readouts, readouts(self._link.rows.newest, view))
+            events = self._link.events.since(self._link.rows.first_ns)
+            _set_text(self._happenings, happenings(events, view))
+            if (at := marks(events)) != self._event_source.data["t"]:
+                self._event_source.data = {"t": at}
+
+    def _is_left(self) -> bool:
+        """Return whether the browser has gone; what the server keeps for it then goes, too, and not a minute later."""
+        if self._session is None:
+            return False
+        is_open = self._session.connection_count > 0
+        if self._was_open and not is_open:
+            self._session.request_expiration()
+        self._was_open = self._was_open or is_open
+        return self._was_open and not is_open
 
     def _answered(self, tags: list[Any]) -> None:
         self._drawn = int(tags[0]) if tags else self._drawn
@@ -276,6 +318,12 @@ def readouts(newest: Mapping[str, float], view: View) -> str:
         ("missed ticks", "–" if said.missed_ticks is None else str(said.missed_ticks)),
     )
     return str(_FRAGMENTS.readouts([(name, figure.replace("nan", "–")) for name, figure in figures]))
+
+
+def happenings(events: Sequence[tuple[float, Happening]], view: View) -> str:
+    """Return the list of the last events, the newest first, and which process each node is."""
+    rows = [(f"{time_s:.1f} s", one.node, one.what) for time_s, one in reversed(events[-SHOWN_EVENTS:])]
+    return str(_FRAGMENTS.happenings(rows, sorted(view.pids.items())))
 
 
 def said(view: View, problem: str) -> str:

@@ -88,6 +88,8 @@ TIME_PLOTS = (
         "0.0",
     ),
     TimePlot("valve", "Expansion valve, %", (Line("valve", "command", BLUE),), 1.0),
+    TimePlot("q_speed", "Compensator q, rpm", (Line("q_speed", "q", BLUE),), 5.0, "0.0"),
+    TimePlot("q_valve", "Compensator q, valve, %", (Line("q_valve", "q", BLUE),), 0.5),
     TimePlot(
         "wall",
         "Wall temperature T_w, °C",
@@ -151,27 +153,38 @@ def keys() -> tuple[Key, ...]:
     return (*times, Key("cycle", "Cycle: pressure, kPa", cycle), Key("zones", "Zones", zones))
 
 
-def time_plots(source: ColumnDataSource) -> tuple[list[figure], DataRange1d]:
-    """Make all time plots over one source; they share their time axis."""
+def event_source() -> ColumnDataSource:
+    """Return the source of the marks of events: their times `t`."""
+    return ColumnDataSource({"t": []})
+
+
+def time_plots(source: ColumnDataSource, events: ColumnDataSource) -> tuple[list[figure], DataRange1d]:
+    """Make all time plots over one source; they share their time axis, and the marks of events."""
     time = DataRange1d(follow="end", follow_interval=WINDOW_S, default_span=WINDOW_S, range_padding=0.0)
     crosshair = CrosshairTool(dimensions="height", line_alpha=0.4)
-    return [_time_plot(plot, source, time, crosshair) for plot in TIME_PLOTS], time
+    return [_time_plot(plot, source, events, time, crosshair) for plot in TIME_PLOTS], time
 
 
-def _time_plot(plot: TimePlot, source: ColumnDataSource, time: DataRange1d, crosshair: CrosshairTool) -> figure:
+def _time_plot(
+    plot: TimePlot, source: ColumnDataSource, events: ColumnDataSource, time: DataRange1d, crosshair: CrosshairTool
+) -> figure:
     drawn = _figure(
         name=plot.name,
         x_range=time,
         y_range=DataRange1d(min_interval=plot.least, range_padding=0.12),
     )
-    for line in plot.lines:
-        last = drawn.line("t", line.key, source=source, color=line.colour, line_dash=line.dash, line_width=line.width)
+    drawn.vspan(x="t", source=events, line_color=VERMILION, line_alpha=0.6, line_width=1.0)
+    lines = [
+        drawn.line("t", line.key, source=source, color=line.colour, line_dash=line.dash, line_width=line.width)
+        for line in plot.lines
+    ]
+    drawn.y_range.renderers = lines
     tips = [(line.name, f"@{line.key}{{{plot.digits}}}") for line in plot.lines if not line.key.endswith("_low")]
     drawn.xaxis.formatter = PrintfTickFormatter(format="%g s")
     for axis in (*drawn.xaxis, *drawn.yaxis):
         axis.ticker.desired_num_ticks = MOST_TICKS
     drawn.add_tools(
-        HoverTool(renderers=[last], mode="vline", line_policy="nearest", tooltips=[("time", "@t{0.0} s"), *tips]),
+        HoverTool(renderers=lines[-1:], mode="vline", line_policy="nearest", tooltips=[("time", "@t{0.0} s"), *tips]),
         crosshair,
     )
     return drawn

@@ -55,6 +55,8 @@ COLUMNS = (
     ("speed", f"controller/command:{COMPRESSOR}", RPM),
     ("speed_actual", f"actuator/command:{COMPRESSOR}", RPM),
     ("valve", f"controller/command:{VALVE}", 0.01),
+    ("q_speed", f"compensator/q:{COMPRESSOR}", RPM),
+    ("q_valve", f"compensator/q:{VALVE}", 0.01),
     ("air_flow", f"scenario/air:{AIR}", 0.001),
     ("air_inlet", "scenario/air_inlet_temperature", 1.0),
     ("condenser_flow", f"scenario/condenser_air:{CONDENSER_AIR}", 0.001),
@@ -151,6 +153,16 @@ class Rows:
             seen = count if generation == self.generation else 0
             fresh = min(self._count - seen, len(self._rows))
             return self.generation, self._count, list(islice(self._rows, len(self._rows) - fresh, None))
+
+    @property
+    def first_ns(self) -> int:
+        """Stamp from which the rows count; -1 when there are none."""
+        return self._first_ns
+
+    @property
+    def newest_ns(self) -> int:
+        """Stamp of the newest row; -1 when there is none."""
+        return self._last_ns
 
     @property
     def newest(self) -> dict[str, float]:

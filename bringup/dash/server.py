@@ -45,6 +45,10 @@ SCRIPTS: list[Any] = ["bokeh", "bokeh-widgets"]
 OPENING_MS = 60_000
 
 
+#: How often pages that nobody looks at any more are let go, ms.
+LOOK_MS = 5_000
+
+
 @dataclass(frozen=True)
 class Door:
     """Who is let in.
@@ -214,6 +218,7 @@ def serve(address: Address, link: Any, problem: Any = lambda: "") -> None:
         websocket_max_message_size_bytes=1 << 20,
         stats_log_frequency_milliseconds=3_600_000,
         unused_session_lifetime_milliseconds=OPENING_MS,
+        check_unused_sessions_milliseconds=LOOK_MS,
         default_host=None,
     )
     http = HTTPServer(_gate(tornado_app, address.door))

@@ -52,6 +52,7 @@ class View:
     plant: Mapping[str, str]
     parameters: Mapping[str, Mapping[str, Any]]
     restarting: tuple[str, ...]  # nodes that have died and are not back in service
+    pids: Mapping[str, int] = field(default_factory=dict)  # processes of the nodes
 
     @property
     def in_car(self) -> bool:
@@ -88,6 +89,13 @@ class Heard:
     restarts: list[str] = field(default_factory=list)  # what bringup has told of them
     message: str = ""
     failed: bool = False
+    accommodated_first: bool = True  # what a reset goes back to
+
+    def take_parameters(self, node: str, values: dict[str, Any]) -> None:
+        """Take the parameters that a node has told; the first of accommodation is what a reset goes back to."""
+        if node == COMPENSATOR and not self.parameters.get(node):
+            self.accommodated_first = bool(values.get("accommodate", True))
+        self.parameters[node] = values
 
     def say(self, message: str, failed: bool = False) -> None:
         """Let the page show a line."""
@@ -122,6 +130,11 @@ class Heard:
             plant=plant,
             parameters=parameters,
             restarting=self.restarting if self.is_there(BRINGUP) else (),
+            pids={
+                name: pid
+                for name, values in sorted(self.health.items())
+                if self.is_there(name) and (pid := HealthReport.read(values).pid) is not None
+            },
         )
 
     def _phase(self, plant: Mapping[str, str], is_starting: bool) -> str:

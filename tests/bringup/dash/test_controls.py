@@ -29,7 +29,8 @@ class Sent:
     def say(self, words: str, failed: bool = False) -> None:
         self.said.append((words, failed))
 
-    def inject(self, fault: str, values: Mapping[str, Any]) -> None:
+    def inject(self, fault: str, values: Mapping[str, Any], words: str) -> None:
+        self.said.append((words, False))
         self.faults.append((fault, values))
 
     def change(self, node: str, values: Mapping[str, Any], done: str) -> None:  # noqa: ARG002

@@ -93,7 +93,7 @@ def test_all_other_faults_are_offered_and_a_sensor_sticks(page: Page) -> None:
     profile.select_option(label="stuck")
     expect(page.locator("input[name=size_other]")).to_be_hidden()
     click(page, "Inject f_pc")
-    expect(page.locator(".said")).to_have_text("condenser_pressure_sensor: stuck starts with the next tick")
+    expect(page.locator(".said")).to_have_text("f_pc: stuck starts with the next tick")
     click(page, "Stop f_pc")
     kind.select_option(label=f"f_leak: {BY_KIND['refrigerant_leak'].name}")  # no sensor's
     expect(profile.locator("option", has_text="stuck")).to_have_count(0)
