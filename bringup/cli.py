@@ -88,7 +88,7 @@ class CommandGroup(click.Group):
 \b
 Exit codes:
   0  success
-  1  a run that failed, a comparison that differs, a bar that was missed
+  1  a run that failed, a comparison that differs, a limit that was missed
   2  bad input: a wrong option, a scenario or a bag that cannot be read
   130  interrupted; what had been recorded until then is kept""",
     cls=CommandGroup,

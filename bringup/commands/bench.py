@@ -35,7 +35,7 @@ from bringup.commands.options import examples, json_option
 def bench(realtime_s: float, ticks: int, as_json: bool) -> None:
     """Measure the graph beside a bare chain of processes that moves the same messages and computes nothing.
 
-    Takes some three minutes, and wants the machine for itself. Exit code 1 when a bar is missed.
+    Takes some three minutes, and wants the machine for itself. Exit code 1 when a limit is missed.
     """
     from bringup.benchmarks.figures import as_dicts
     from bringup.benchmarks.figures import bench as measure
@@ -50,7 +50,7 @@ def bench(realtime_s: float, ticks: int, as_json: bool) -> None:
             beside = "" if figure.reference is None else f"{figure.reference:.4g}"
             verdict = {None: "", True: "ok", False: "missed"}[figure.passed]
             rows.append([figure.name, f"{figure.ours:.4g} {figure.unit}", beside, bar, verdict])
-        print_table(["", "ours", "beside", "bar", ""], rows)
+        print_table(["", "ours", "beside", "limit", ""], rows)
     missed = [figure.name.strip() for figure in figures if figure.passed is False]
     if missed:
         msg = f"missed: {', '.join(missed)}"

@@ -1,6 +1,7 @@
-"""Write the pages of `docs/reference/` from the code: topics, parameters of the nodes, the command line.
+"""Write the pages of `docs/reference/` from the code: topics, parameters, commands, Python names.
 
-``python -m docs.tools.reference_pages`` writes them and `docs/scenarios.md` anew; a test compares them with the code.
+``python -m docs.tools.reference_pages`` writes them and `docs/scenarios.md` anew, and puts files into the pages that
+show them; a test compares all with the code.
 """
 
 from collections.abc import Sequence
@@ -16,7 +17,7 @@ from ac_common.topics import CAR, JOINT_FIELD, NAMESPACE, SCALARS, TOPICS, WITH_
 from ac_common.wire import pack_status, read_diagnostics
 from ac_ros_common.parameters import COMMON, Parameter
 from bringup.launch.process_table import PROCESSES
-from docs.tools import scenario_reference
+from docs.tools import python_reference, scenario_reference, shown_files
 
 FOLDER = Path(__file__).parents[2] / "docs" / "reference"
 WRITTEN = "<!-- Written by `python -m docs.tools.reference_pages`; edit {} instead. -->"
@@ -144,6 +145,8 @@ def pages() -> dict[Path, str]:
         FOLDER / "parameters.md": parameters_page(),
         FOLDER / "command-line.md": commands_page(),
         scenario_reference.PAGE: scenario_reference.text(),
+        python_reference.PAGE: python_reference.text(WRITTEN.format("the docstrings")),
+        **shown_files.pages(),
     }
 
 
