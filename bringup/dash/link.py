@@ -121,10 +121,7 @@ class Link:
     # -- controls -----------------------------------------------------------------------------------------------
 
     def inject(self, fault: str, values: Mapping[str, Any], words: str) -> None:
-        """Start a live fault, or let the running one follow.
-
-        `values` are parameters of it, without its name; `words` say it to people, in their units.
-        """
+        """Start a live fault, or let the running one follow: its parameters, and `words` in the units of people."""
         self._jobs.put(self._inject(fault, values, words))
 
     def stop_fault(self, fault: str) -> None:
@@ -164,9 +161,13 @@ class Link:
         except UserError as problem:
             self.say(one_line(problem), failed=True)
         else:
-            self._jobs.put(self._set(COMPENSATOR, {"accommodate": self._heard.accommodated_first}))
+            self._jobs.put(self._switch_back())
             self._heard.live_faults = frozenset()
             self.say("started anew, at rest")
+
+    async def _switch_back(self) -> None:
+        """Let the compensator act, or not, as it did when the page came."""
+        await self._set(COMPENSATOR, {"accommodate": self._heard.accommodated_first})
 
     async def _inject(self, fault: str, values: Mapping[str, Any], words: str) -> None:
         if await self._set(INJECTOR, {f"{fault}.{key}": value for key, value in values.items()}):

@@ -108,7 +108,7 @@ def make_page(link: Link, problem: Callable[[], str]) -> Callable[[Document], No
         document.template_variables["loads"] = [name for name, *_ in CHANGES[N_REFERENCES:]]
         document.template_variables["references"] = [name for name, *_ in CHANGES[:N_REFERENCES]]
         document.template_variables["moves"] = [f"load_{number}" for number in range(len(LOADS))]
-        page = _Page(link, problem, document.session_context.session if document.session_context else None)
+        page = _Page(link, problem, getattr(document.session_context, "session", None))
         with document.models.freeze():  # Bokeh would look through all models again with each root: seconds
             for root in page.roots:
                 document.add_root(root)

@@ -168,23 +168,24 @@ def time_plots(source: ColumnDataSource, events: ColumnDataSource) -> tuple[list
 def _time_plot(
     plot: TimePlot, source: ColumnDataSource, events: ColumnDataSource, time: DataRange1d, crosshair: CrosshairTool
 ) -> figure:
+    y_range = DataRange1d(min_interval=plot.least, range_padding=0.12)
     drawn = _figure(
         name=plot.name,
         x_range=time,
-        y_range=DataRange1d(min_interval=plot.least, range_padding=0.12),
+        y_range=y_range,
     )
     drawn.vspan(x="t", source=events, line_color=VERMILION, line_alpha=0.6, line_width=1.0)
     lines = [
         drawn.line("t", line.key, source=source, color=line.colour, line_dash=line.dash, line_width=line.width)
         for line in plot.lines
     ]
-    drawn.y_range.renderers = lines
+    y_range.renderers = list(lines)
     tips = [(line.name, f"@{line.key}{{{plot.digits}}}") for line in plot.lines if not line.key.endswith("_low")]
     drawn.xaxis.formatter = PrintfTickFormatter(format="%g s")
     for axis in (*drawn.xaxis, *drawn.yaxis):
         axis.ticker.desired_num_ticks = MOST_TICKS
     drawn.add_tools(
-        HoverTool(renderers=lines[-1:], mode="vline", line_policy="nearest", tooltips=[("time", "@t{0.0} s"), *tips]),
+        HoverTool(renderers=[lines[-1]], mode="vline", line_policy="nearest", tooltips=[("time", "@t{0.0} s"), *tips]),
         crosshair,
     )
     return drawn
