@@ -246,30 +246,35 @@ def _override(content: dict[str, Any], override: str) -> None:
         msg = f"--set {shown}: must be KEY=VALUE, for instance faults.0.size_rpm=60"
         raise UserError(msg)
     value = parsed(text, f"--set {shown}: the value {quoted(text)} is not valid YAML")
+    put_value(content, key, value, f"--set {shown}")
+
+
+def put_value(content: dict[str, Any], key: str, value: Any, source: str) -> None:
+    """Set the value of a dotted key in the raw content of a scenario; `source` begins the complaint about a bad key."""
     target: Any = content
     *parents, last = key.split(".")
     for depth, part in enumerate(parents):
         where = ".".join(parents[: depth + 1])
         if isinstance(target, list):
-            target = target[_index(part, target, shown, where)]
+            target = target[_index(part, target, source, where)]
         else:
             if target.get(part) is None:
                 target[part] = [] if key.split(".")[depth + 1].isdecimal() else {}
             target = target[part]
         if not isinstance(target, dict | list):
-            msg = f"--set {shown}: {shortened(where)} is {_kind(target)} and has nothing below it"
+            msg = f"{source}: {shortened(where)} is {_kind(target)} and has nothing below it"
             raise UserError(msg)
     if isinstance(target, list):
-        target[_index(last, target, shown, key)] = value
+        target[_index(last, target, source, key)] = value
     else:
         target[last] = value
 
 
-def _index(part: str, items: list[Any], override: str, where: str) -> int:
+def _index(part: str, items: list[Any], source: str, where: str) -> int:
     if part.isdecimal() and len(part) < 10 and int(part) < len(items):
         return int(part)
     allowed = f"0 to {len(items) - 1}" if items else f"none, the list is empty; give a whole one, {_LIST_EXAMPLES}"
-    msg = f"--set {override}: {shortened(where)} is not an item of the list; allowed: {allowed}"
+    msg = f"{source}: {shortened(where)} is not an item of the list; allowed: {allowed}"
     raise UserError(msg)
 
 
@@ -280,11 +285,14 @@ def _validated(content: dict[str, Any], source: str) -> Scenario:
     try:
         return Scenario.model_validate(content)
     except ValidationError as error:
-        problems = error.errors(include_url=False)
-        lines = [_line(problem) for problem in problems[:3]]
-        more = f" (and {len(problems) - 3} more)" if len(problems) > 3 else ""
-        msg = f"{source}: {'; '.join(lines)}{more}"
-        raise UserError(msg) from None
+        raise UserError(complaint(error, source)) from None
+
+
+def complaint(error: ValidationError, source: str) -> str:
+    """Return in one line what a schema found wrong with a file, the first three of its problems."""
+    problems = error.errors(include_url=False)
+    more = f" (and {len(problems) - 3} more)" if len(problems) > 3 else ""
+    return f"{source}: {'; '.join(_line(problem) for problem in problems[:3])}{more}"
 
 
 def _driven(scenario: Scenario, source: str) -> Scenario:

@@ -2,7 +2,9 @@
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +14,21 @@ from ac_plant_node.parameters.values import NAMES, POINT_RANGES, TABLE_I, Parame
 PLANT_VARIABLE = "ACFTC_PLANT"
 """Environment variable that names the parameter file of a plant of your own (``acftc --plant FILE`` sets it)."""
 
+_ANOTHER: ContextVar[Parameters | None] = ContextVar("another plant", default=None)
+
+
+@contextmanager
+def another_plant(parameters: Parameters | None) -> Iterator[None]:
+    """Let `load_parameters()` return these within the block, as if their file were the one in use; None: no change.
+
+    Designs are made for the plant in use: whoever wants them to know nothing of this one gets them before.
+    """
+    before = _ANOTHER.set(parameters or _ANOTHER.get())
+    try:
+        yield
+    finally:
+        _ANOTHER.reset(before)
+
 
 def load_parameters(path: str | Path | None = None) -> Parameters:
     """Read a parameter file.
@@ -19,16 +36,19 @@ def load_parameters(path: str | Path | None = None) -> Parameters:
     Parameters
     ----------
     path : str or Path, optional
-        By default the file that the environment variable `PLANT_VARIABLE` names, or else the one shipped with the
-        package. In a file of your own an entry may be a plain number in the unit of its name, and what is not there is
-        as shipped. Under ``points`` it may hold the operating points, as `load_points` reads them; else they are
-        Table I's.
+        By default that of `another_plant`, or the file that the environment variable `PLANT_VARIABLE` names, or else
+        the one shipped with the package. In a file of your own an entry may be a plain number in the unit of its name,
+        and what is not there is as shipped. Under ``points`` it may hold the operating points, as `load_points` reads
+        them; else they are Table I's.
 
     Raises
     ------
     UserError
         One line: the entry that is unknown, not a number or outside its range.
     """
+    another = _ANOTHER.get()
+    if path is None and another is not None:
+        return another
     own = path if path is not None else os.environ.get(PLANT_VARIABLE) or None
     if own is None:
         known = shipped()
