@@ -108,12 +108,12 @@ class Cases:
         UserError
             One line about the first that is none.
         """
-        for run in range(min(LOOKED_AT, self.study.runs)):
-            self[run]
         usual = self.sampler.values(0)
         for key, one in self.study.distributions.items():
             for value in one.bounds:
                 self.with_values(0, {**usual, key: value})
+        for run in range(min(LOOKED_AT, self.study.runs)):
+            self[run]
 
 
 def cut(content: dict[str, Any], duration_s: float) -> None:

@@ -73,11 +73,14 @@ def check_key(key: Any) -> None:
     top, _, rest = key.partition(".")
     if top == FAULT and rest and rest not in FAULT_KEYS:
         raise ValueError(unknown("key of the fault", rest, list(FAULT_KEYS)))
-    if top == PLANT and rest:
-        from ac_experiments.study.plants import SIGMAS
+    if top == PLANT and rest and rest not in _sigmas():
+        raise ValueError(unknown("plant parameter", rest, list(_sigmas())))
 
-        if rest not in SIGMAS:
-            raise ValueError(unknown("plant parameter", rest, list(SIGMAS)))
+
+def _sigmas() -> dict[str, float]:
+    from ac_experiments.study.plants import SIGMAS  # stands on the observer, which takes a while to load
+
+    return SIGMAS
 
 
 class Study(Part):
@@ -124,8 +127,12 @@ class Study(Part):
 
     @cached_property
     def distributions(self) -> dict[str, Distribution]:
-        """What varies, by key."""
-        return {key: distribution(given) for key, given in self.vary.items()}
+        """What varies, by key; `plant` stands for each parameter that may be off, drawn by itself."""
+        found: dict[str, Distribution] = {}
+        for key, given in self.vary.items():
+            names = [f"{PLANT}.{name}" for name in _sigmas()] if key == PLANT else [key]
+            found |= dict.fromkeys(names, distribution(given))
+        return found
 
     @cached_property
     def grids(self) -> dict[str, Distribution]:
