@@ -49,13 +49,17 @@ class Curve:
 
 @dataclass(frozen=True)
 class Points:
-    """Single points, each a marker; `symbol` is triangle (open) or diamond (full)."""
+    """Single points, each a marker; `symbol` is triangle (open) or diamond (full).
+
+    `hover`: what the mouse is told of one, after the name, in plotly's words.
+    """
 
     x: Sequence[float]
     y: Sequence[float]
     name: str
     symbol: str
     colour: str
+    hover: str = "at %{x:.1f} s"
 
 
 @dataclass(frozen=True)
@@ -80,7 +84,10 @@ class Span:
 
 @dataclass(frozen=True)
 class Chart:
-    """One plot. In its texts ``<sub>`` stands for a subscript; `log` names the logarithmic axes ("x", "y")."""
+    """One plot. In its texts ``<sub>`` stands for a subscript; `log` names the logarithmic axes ("x", "y").
+
+    `alone`: its x is another quantity than that of the plots around it, and zooms by itself.
+    """
 
     title: str
     curves: Sequence[Curve]
@@ -92,6 +99,7 @@ class Chart:
     spans: Sequence[Span] = ()
     points: Sequence[Points] = ()
     log: str = ""
+    alone: bool = False
 
 
 def kept_ticks(time_s: NDArray[np.float64], signals: Sequence[tuple[NDArray[np.float64], bool]]) -> NDArray[np.int_]:

@@ -120,7 +120,7 @@ def _axes(
     y = {**look, "domain": upward, "anchor": f"x{axis}", "title": {"text": chart.y_title, "standoff": 4}}
     x |= {"showspikes": True, "spikemode": "across", "spikecolor": GREY, "spikethickness": 1, "spikedash": "dot"}
     y |= {"tickformat": ".6~g"}
-    if axis and "x" not in chart.log:
+    if axis and "x" not in chart.log and not chart.alone:
         x["matches"] = "x"
     for name, described, limits in (("x", x, chart.x_range), ("y", y, chart.y_range)):
         if name in chart.log:
@@ -169,7 +169,7 @@ def _markers(points: Points, axis: str) -> Any:
         yaxis=f"y{axis}",
         legend=f"legend{axis}",
         legendrank=40,
-        hovertemplate=f"{points.name} at %{{x:.1f}} s<extra></extra>",
+        hovertemplate=f"{points.name} {points.hover}<extra></extra>",
     )
 
 
