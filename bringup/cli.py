@@ -28,7 +28,7 @@ BAD_INPUT = 2
 
 #: Every command, under the heading where help lists it, in the order of use.
 SECTIONS: dict[str, tuple[str, ...]] = {
-    "Run": ("run", "simulate", "scenarios"),
+    "Run": ("run", "simulate", "study", "scenarios"),
     "Recordings": ("report", "export", "replay", "bags"),
     "A running graph": ("dash", "topics", "foxglove"),
     "Plant and designs": ("equilibria", "calibrate", "design", "reproduce"),
