@@ -130,6 +130,7 @@ def _chart(axes: "Axes", chart: Chart, is_narrow: bool) -> None:
     """Draw a chart; the legend of a narrow one takes two rows."""
     if "x" in chart.log:
         axes.set_xscale("log")
+        axes.xaxis.set_minor_formatter("")  # only the powers of ten have room for a number
     if "y" in chart.log:
         axes.set_yscale("log")
     for span in chart.spans:

@@ -92,7 +92,7 @@ def _story(summary: Mapping[str, Any]) -> list[Sentence]:
         shares = found["correct_share"]
         words = f"{name_of(kind)}: {found[CORRECT]} of {found['runs']} named right"
         late = summary["delays"].get(kind, {}).get("isolation", {}).get("median_s", {}).get("value")
-        words += "" if not isinstance(late, float) else f", half of them within {late:.1f} s"
+        words += "" if not isinstance(late, float) else f", half of all runs within {late:.1f} s"
         good = shares["value"] is not None and shares["value"] >= 0.95
         sentences.append(Sentence("good" if good else "plain", words[0].upper() + words[1:] + "."))
     return sentences

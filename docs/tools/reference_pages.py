@@ -133,9 +133,17 @@ def commands_page() -> str:
         for name in cli.list_commands(context):
             command = cli.get_command(context, name)
             assert command is not None  # it is in the list
-            inner = click.Context(command, info_name=name, parent=context, terminal_width=100, max_content_width=100)
-            parts += [f"## `acftc {name}`", "", "```text", command.get_help(inner), "```", ""]
+            parts += _command(command, name, context)
     return "\n".join(line.rstrip() for line in "\n".join(parts).splitlines()) + "\n"
+
+
+def _command(command: click.Command, name: str, parent: click.Context) -> list[str]:
+    """Return the help of a command, and of those below it."""
+    inner = click.Context(command, info_name=name, parent=parent, terminal_width=100, max_content_width=100)
+    parts = [f"## `{inner.command_path}`", "", "```text", command.get_help(inner), "```", ""]
+    for below, one in sorted(getattr(command, "commands", {}).items()):
+        parts += _command(one, below, inner)
+    return parts
 
 
 def pages() -> dict[Path, str]:

@@ -43,7 +43,8 @@ for command in [[], *([name] for names in SECTIONS.values() for name in names)]:
         main([*command, "--help"])
     except SystemExit as end:
         assert end.code == 0
-heavy = {"numba", "rclpy", "control", "CoolProp", "plotly", "scipy", "matplotlib", "bokeh", "numpy"} & set(sys.modules)
+heavy = {"numba", "rclpy", "control", "CoolProp", "plotly", "scipy", "matplotlib", "bokeh", "numpy", "dask", "pyarrow"}
+heavy &= set(sys.modules)
 assert not heavy, heavy
 """
     result = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=False)
