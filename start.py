@@ -25,9 +25,9 @@ VENV = HERE / ".venv"
 UV_VERSION = "0.13.9"
 LEVELS = ("requirements.txt", "requirements-extra.txt", "requirements-dev.txt")  # each holds all of those before it
 RUNTIME, EXTRA, DEVELOPMENT = range(3)
-EXTRAS = ("foxglove",)  # commands of acftc
+EXTRAS = ("export", "foxglove", "study")  # commands of acftc
 DEVELOPERS = ("lint-imports", "mkdocs", "mypy", "pytest", "ruff")
-SIZES = ("0.9 GB", "1 GB", "1.8 GB")
+SIZES = ("0.9 GB", "1.2 GB", "2.1 GB")
 # Bytecode that nobody runs is not made.
 NO_BYTECODE = "/(tests?|testing|sphinxext)/"
 # glibc of Debian 12 and newer, Ubuntu 22.04 and newer: what the ROS wheels are built for.

@@ -6,6 +6,7 @@ import click
 
 from ac_common.errors import UserError
 from bringup.commands.console import say
+from bringup.commands.extras import need
 from bringup.commands.options import OneOf, bag_argument, examples, path_option
 from bringup.commands.outcome import beside_bag, make_folder
 
@@ -31,6 +32,8 @@ def export(bag: Path, form: str, out: Path | None) -> None:
     end: plant_evaporator_pressure_pa, controller_command_compressor_rad_s. Values are SI, temperatures of air and wall
     in degrees Celsius.
     """
+    if form == "parquet":
+        need("export", pyarrow="pyarrow")
     from ac_experiments.bags.export import export as write
     from ac_experiments.bags.reader import read_bag
 

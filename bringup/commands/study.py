@@ -7,6 +7,7 @@ import click
 
 from ac_common.errors import RunError, UserError
 from bringup.commands.console import print_json, print_table, progress_bar, say
+from bringup.commands.extras import need
 from bringup.commands.options import examples, force_option, json_option, path_option
 from bringup.commands.outcome import finish, make_folder, prepare_folder
 
@@ -61,6 +62,7 @@ def study(context: click.Context, show_list: bool) -> None:
     `acftc study STUDY --out DIR` is short for `acftc study run STUDY --out DIR`. What a study file holds:
     docs/studies.md.
     """
+    need("study", dask="dask", distributed="distributed", fsspec="fsspec", pyarrow="pyarrow", SALib="SALib")
     if show_list:
         _print_list()
     elif context.invoked_subcommand is None:
