@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from ac_common.design_file import ATTACHMENT, to_bytes
+from ac_common.errors import RunError
 from ac_common.health import HealthPart, HealthReport, PlantReport
 from ac_common.topics import BY_NAME, CAR, CLOCK, COMPENSATOR, CONTROLLER, FDI, NAMESPACE, PLANT, TOPICS, Topic
 from ac_common.wire import NANOSECONDS, Diagnostic, pack_diagnostics, packer
@@ -27,7 +28,22 @@ def write_bag(folder: Path, recording: Recording, designs: Designs | EnvelopeDes
         From `ac_experiments.simulate.simulate`.
     designs
         What it was run with; they are stored with the bag, as the nodes' are.
+
+    Raises
+    ------
+    UserError
+        When the folder holds a bag.
+    RunError
+        When the bag cannot be written.
     """
+    try:
+        _write(folder, recording, designs)
+    except OSError as problem:
+        msg = f"{folder}: cannot be written: {problem.strerror}"
+        raise RunError(msg) from None
+
+
+def _write(folder: Path, recording: Recording, designs: Designs | EnvelopeDesigns) -> None:
     topics = recorded_topics(lockstep=True)
     number_of = {topic.name: number for number, topic in enumerate(topics)}
     run = {key: value for key, value in recording.metadata.items() if key not in _RESULTS}

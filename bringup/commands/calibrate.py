@@ -7,6 +7,7 @@ import click
 
 from bringup.commands.console import print_json, print_table, say
 from bringup.commands.options import examples, json_option, path_option
+from bringup.commands.outcome import make_folder
 
 if TYPE_CHECKING:
     from ac_plant_node import OperatingPoint, Parameters
@@ -48,6 +49,8 @@ def calibrate(table: Path | None, given: Path | None, out: Path | None, as_json:
     from ac_plant_node.equilibrium import equilibrium
     from ac_plant_node.parameters.values import SOLVED
 
+    if out is not None:
+        make_folder(out.resolve().parent)
     before = load_parameters(given)
     rows = load_points(table) if table is not None else before.points
     solved, points = solve(before, rows=rows)
@@ -101,9 +104,9 @@ def _point(point: "CalibratedPoint", rest: "OperatingPoint") -> dict[str, Any]:
 
 
 def _write(out: Path, solved: "Parameters", source: str) -> None:
+    from ac_common.files import write_whole
     from ac_plant_node.parameters.file import parameter_text
     from ac_plant_node.parameters.values import SOLVED
 
     text = parameter_text(solved, dict.fromkeys(SOLVED, f"solved by acftc calibrate from {source}"))
-    out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(text, encoding="utf-8")
+    write_whole(out, text)

@@ -118,14 +118,14 @@ def test_an_earlier_recording_is_not_overwritten(tmp_path: Path):
 def test_without_a_report_that_of_an_earlier_run_goes_and_what_is_the_users_stays(tmp_path: Path):
     for name in ("report.html", "report.svg", "report_fault_1.png", "report_nodes.svg", "report_final.png", "notes.md"):
         (tmp_path / name).write_text("earlier")
-    result = acftc("simulate", "nominal", "--set", "duration_s=1", "--no-report", "--out", str(tmp_path))
+    result = acftc("simulate", "nominal", "--set", "duration_s=1", "--no-report", "--no-bag", "--out", str(tmp_path))
     assert result.returncode == 0, result.stderr
     assert {item.name for item in tmp_path.iterdir()} == {"report_final.png", "notes.md", "summary.json"}
     assert "report.html" not in result.stdout + result.stderr
 
 
 def test_a_report_takes_the_place_of_an_earlier_one_once_it_can_be_written(tmp_path: Path):
-    run = ("simulate", "nominal", "--set", "duration_s=1", "--out", str(tmp_path))
+    run = ("simulate", "nominal", "--set", "duration_s=1", "--no-bag", "--out", str(tmp_path))
     for name in ("report.html", "report.svg", "report_fault_2.png"):
         (tmp_path / name).write_text("earlier")
     (tmp_path / "report.png").mkdir()  # so the new one cannot be
