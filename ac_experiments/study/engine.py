@@ -5,6 +5,8 @@ folder of the results. A batch whose worker dies is run again elsewhere, by Dask
 written stays, and a study is gone on with where partitions are missing.
 """
 
+import asyncio
+import concurrent.futures
 import contextlib
 import json
 import logging
@@ -31,6 +33,8 @@ Progress = Callable[[int, int], None]
 BATCH_S, AHEAD = 15.0, 2
 #: A scheduler that cannot be reached for so long is gone, s.
 GONE_S = 10.0
+_GONE = "the scheduler is gone"
+_CANCELLED = (asyncio.CancelledError, concurrent.futures.CancelledError)
 
 
 @dataclass
@@ -173,8 +177,10 @@ def run_study(
             left = sum(count for _, count in store.missing(study.runs))
             msg = f"interrupted with {study.runs - left} of {study.runs} runs done; {again}"
             raise InterruptedRunError(msg) from None
-        except RunError as problem:
-            msg = f"{problem}; {again}"
+        except (RunError, OSError, *_CANCELLED) as problem:
+            # A connection that breaks while something is asked is an OSError; workers tell of theirs as RunErrors.
+            what = problem if isinstance(problem, RunError) else _GONE
+            msg = f"{what}; {again}"
             raise RunError(msg) from None
         timing.wall_s, timing.client_cpu_s = time.perf_counter() - began, time.process_time() - cpu_s
     if missing or not store.has(RUNS):
@@ -314,14 +320,14 @@ class _Dealer:
         now = time.monotonic()
         self._unreachable_since = self._unreachable_since or now
         if self._client.status == "closed" or now - self._unreachable_since > GONE_S:
-            msg = "the scheduler is gone"
+            msg = _GONE
             raise RunError(msg)
 
     def _result(self, future: Any) -> tuple[int, float]:
         from distributed.scheduler import KilledWorker
 
         if future.status in ("cancelled", "lost"):
-            msg = "the scheduler is gone"
+            msg = _GONE
             raise RunError(msg)
         try:
             count, seconds = future.result()
