@@ -66,7 +66,8 @@ class FallbackController:
         )
         if self.bound:
             reference = np.array([pressure, superheat])
-        self._protect(*measured[:2].tolist(), condenser_pressure_pa or 0.0)
+        read_pressure, read_superheat, *_ = measured.tolist()
+        self._protect(read_pressure, read_superheat, condenser_pressure_pa or 0.0)
         if self.mode == SAFE:
             self._controller.warm_restart(self._command, measured, reference)
         command = self._controller.step(reference, measured, q)

@@ -61,7 +61,15 @@ def _roc(runs: Runs, kinds: list[str]) -> list[Chart]:
     points = [Points(alarmed, found_then, "as they are", "diamond", BLACK, "%{x:.3g} %, %{y:.3g} %")]
     title = "Detections over false alarms as the thresholds are scaled"
     return [
-        Chart(title, curves, "Faults detected, %", "Fault-free stretches alarmed, %", (-2, 102), (-2, 102), (), points)
+        Chart(
+            title,
+            curves,
+            "Faults detected, %",
+            "Fault-free stretches alarmed, %",
+            (-2, 102),
+            (-2, 102),
+            points=points,
+        )
     ]
 
 
@@ -100,8 +108,7 @@ def _pod(fitted: Pod, kind: str, low: float, high: float) -> Chart:
         f"Size, {unit}",
         (low, high),
         (-2, 102),
-        (),
-        points,
+        points=points,
         log="x",
     )
 

@@ -133,9 +133,10 @@ def _with(made: InOneProcess, node: str, name: str, value: Any, where: str) -> I
 
 
 def _limits(made: InOneProcess, name: str, value: Any, where: str) -> "ProtectionLimits":
-    from gimc_controller_node.protection import ON_THE_BELT, ProtectionLimits
+    from gimc_controller_node.protection import limits_for
 
-    limits = made.limits or (ON_THE_BELT if made.scenario.has_belt else ProtectionLimits())
+    scenario = made.scenario
+    limits = made.limits or limits_for(has_belt=scenario.has_belt, measures_head=scenario.measures_head)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise UserError(f"{where}: given {shortened(repr(value))}; must be a number")
     try:
