@@ -33,7 +33,7 @@ def after(ticks, state=IDLE, command=COMMAND):
 
 
 def disturbed(**what: object) -> Scenario:
-    return check({"name": "disturbed", "duration_s": 150.0, **what})
+    return check({"name": "disturbed", "design": "paper", "duration_s": 150.0, **what})
 
 
 def air_flow(percent: float, point: str) -> Scenario:
