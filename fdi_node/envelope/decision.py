@@ -173,6 +173,7 @@ class EnvelopeDecision:
     def __init__(self, limits: Limits, unknowns: tuple[Unknown, ...], flat: NDArray[np.float64], rules: Rules) -> None:
         self.limits, self._unknowns, self._flat, self._rules = limits, unknowns, flat, rules
         self._memory = memory_of(flat, len(unknowns), len(rules.jumping))
+        self._variances = np.diagonal(self._memory.P)[N_STATES : N_STATES + NAMED]
         self._h, self._quiet_q = float(rules.constants[0]), rules.Q.copy()
         self._reported = [unknowns[int(i)].reported for i in rules.jumping]
         self.isolated: list[Isolated] = []
@@ -181,11 +182,26 @@ class EnvelopeDecision:
     def step(self, time_s: float) -> Conclusion:
         """Conclude from what the observer says at this tick."""
         limits, m = self.limits, self._memory
+        scalars, values = m.scalars.tolist(), m.x.tolist()
+        deviations = [
+            math.sqrt(max(variance, 0.0)) * one.scale
+            for variance, one in zip(self._variances.tolist(), self._unknowns, strict=False)
+        ]
         thresholds = (
-            limits.sigmas * self._deviation(0) + limits.floor_rad_s,
-            limits.sigmas * self._deviation(1) + limits.floor_pa,
+            limits.sigmas * deviations[0] + limits.floor_rad_s,
+            limits.sigmas * deviations[1] + limits.floor_pa,
         )
-        if m.scalars[TICKS] * self._h > limits.settle_s:
+        if scalars[TICKS] * self._h > limits.settle_s:
+            is_within = abs(values[0]) <= thresholds[0] and abs(values[1]) <= thresholds[1]
+            if (
+                is_within
+                and scalars[LARGEST] < limits.natural
+                and scalars[NIS] < limits.inconsistent
+                and not self.isolated
+            ):  # nothing to look at, as in most ticks
+                since = self.since
+                since.likely = since.certain = since.ahead = since.inconsistent = since.beyond_n = since.beyond_p = NOT
+                return Conclusion(thresholds, False, None, math.nan, math.nan, math.nan, None)
             self._explain(time_s)
             self._look_at_estimates(time_s, thresholds)
             self._look_at_consistency(time_s)

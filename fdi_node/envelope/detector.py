@@ -25,7 +25,7 @@ from ac_plant_node.properties.tables import REFRIGERANTS, load_tables
 from fdi_node.detector import Detection
 from fdi_node.envelope import filter as kalman
 from fdi_node.envelope.decision import EnvelopeDecision, Limits
-from fdi_node.envelope.memory import NIS, Memory, Rules, memory_of, new_memory
+from fdi_node.envelope.memory import NIS, Memory, Rules, memory_of, new_memory, packed, rules_in
 from fdi_node.envelope.model import ENERGY, N_READINGS, READING_SCALE, STATE_SCALE
 from fdi_node.envelope.unknowns import PARAMETERS, UNKNOWNS, Unknown, table
 
@@ -130,7 +130,8 @@ class EnvelopeDetector:
 
     def __init__(self, design: EnvelopeDesign) -> None:
         self.design = design
-        self.rules = rules_of(design)
+        self._packed = packed(rules_of(design))
+        self.rules = rules_in(self._packed)
         self._tab = load_tables(REFRIGERANTS[int(design.refrigerant)])
         m, q = len(design.first), len(self.rules.jumping)
         self._flat = new_memory(m, q)
@@ -138,7 +139,7 @@ class EnvelopeDetector:
         self._told, self._reading = np.zeros(N_HELD), np.zeros(N_READINGS)
         self._begun = False
         self._decision = EnvelopeDecision(Limits(*design.limits.tolist()), design.unknowns, self._flat, self.rules)
-        self._shown = (-READING_SCALE * design.used)[: len(Innovation._fields)]
+        self._shown = (-READING_SCALE * design.used).tolist()
 
     def _begin(self, reading: Vector, deviation: float) -> None:
         """Begin at the state at rest whose outputs are nearest to the readings.
@@ -184,15 +185,17 @@ class EnvelopeDetector:
             design does not use may be anything finite.
         air_inlet_temperature_c, condenser_air_inlet_temperature_c : float
         """
-        self._reading[: len(measured)] = measured
+        reading, m = self._reading, self.memory
+        for i, value in enumerate(measured):
+            reading[i] = value
         if not self._begun:
-            self._begin(self._reading, _NEAR)
+            self._begin(reading, _NEAR)
         self._tell(air_inlet_temperature_c, condenser_air_inlet_temperature_c)
-        kalman.observe(self._flat, self.rules, self._reading, self._told, self._tab)
+        kalman.observe(self._flat, self._packed, reading, self._told, self._tab)
         done = self._decision.step(time_s)
-        residual = (float(self.memory.x[0]), float(self.memory.x[1]))
-        innovation = Innovation(*(self.memory.e[: len(self._shown)] * self._shown).tolist())
-        return Detection(innovation, residual, *done)
+        (p, s, w, _), (scale_p, scale_s, scale_w, _) = m.e.tolist(), self._shown
+        f_n, f_p, *_ = m.x.tolist()
+        return Detection(Innovation(p * scale_p, s * scale_s, w * scale_w), (f_n, f_p), *done)
 
     def commanded(self, command: Signal) -> None:
         """Close the tick with the command [rad/s, 0..1] that the controller has sent.
@@ -200,7 +203,7 @@ class EnvelopeDetector:
         Must be called once after each `observe`: the observer moves on to the next tick here.
         """
         self._told[SPEED], self._told[OPENING] = command
-        if kalman.predict(self._flat, self.rules, self._told, self._tab) != 0:
+        if kalman.predict(self._flat, self._packed, self._told, self._tab) != 0:
             self._begin(self._reading, _FAR)  # no state near this one goes on inside the tables
 
     def _tell(self, air_c: float, condenser_air_c: float) -> None:
@@ -230,7 +233,7 @@ class EnvelopeDetector:
         end[AIR_C], end[_CONDENSER_AIR_C] = air_inlet_temperature_c, condenser_air_inlet_temperature_c
         for tick in range(1, missed_ticks + 1):
             self._told[:] = start + (end - start) * (tick / (missed_ticks + 1))
-            if kalman.predict(self._flat, self.rules, self._told, self._tab) != 0:
+            if kalman.predict(self._flat, self._packed, self._told, self._tab) != 0:
                 self.warm_restart(measured, air_inlet_temperature_c, condenser_air_inlet_temperature_c, command)
                 return
         self._decision.restart()

@@ -18,10 +18,9 @@ a correction that leads outside the model's domain is taken back.
 
 import numpy as np
 
-from ac_plant_node.dynamics import integrator
 from ac_plant_node.dynamics.balances import N_STATES, REGIME_E, X
 from ac_plant_node.dynamics.drive import OPENING, SPEED
-from ac_plant_node.dynamics.workspace import CHARGE, views
+from ac_plant_node.dynamics.workspace import CHARGE, Work, views
 from ac_plant_node.parameters.values import INDEX
 from ac_plant_node.properties.tables import Tables
 from fdi_node.envelope import jumps
@@ -39,6 +38,7 @@ from fdi_node.envelope.memory import (
     Memory,
     Rules,
     memory_of,
+    rules_in,
 )
 from fdi_node.envelope.model import (
     ENERGY,
@@ -55,7 +55,9 @@ from fdi_node.envelope.model import (
     is_charge,
     linearise,
 )
-from fdi_node.envelope.transition import transition
+from fdi_node.envelope.products import multiply, subtract, terms
+from fdi_node.envelope.step import go_on
+from fdi_node.envelope.transition import hold, transition
 
 STEP_SHARE = 0.05
 """Half the distance of the Jacobian's differences, in standard deviations of the filter,"""
@@ -80,9 +82,9 @@ _CHARGE = INDEX["charge_kg"]
 
 
 @jit
-def _renew_when_due(m: Memory, rules: Rules, told: Array, tab: Tables) -> None:
+def _renew_when_due(m: Memory, k: Work, rules: Rules, told: Array, tab: Tables) -> None:
     """Renew Jacobians and transition when the plant has moved on, or they are old."""
-    k, scalars, n = views(m.work), m.scalars, m.P.shape[0]
+    scalars, n = m.scalars, m.P.shape[0]
     zeta, speed = k.aux[X], max(told[SPEED], 1.0)
     moved = abs(zeta - scalars[ZETA_THEN]) > MOVED_ZETA or abs(told[OPENING] - scalars[OPENING_THEN]) > MOVED_OPENING
     moved = moved or abs(np.log(speed / max(scalars[SPEED_THEN], 1.0))) > MOVED_SPEED
@@ -93,7 +95,11 @@ def _renew_when_due(m: Memory, rules: Rules, told: Array, tab: Tables) -> None:
             if i >= N_STATES and m.P[i, i] < KNOWN_STEP**2:
                 step[i] = KNOWN_STEP
         linearise(k, m.x, rules.rows, told, rules.nominal, m.par, tab, step, m.A, m.C)
-        transition(m.A, rules.constants[0], m.F)
+        if not transition(k, m.A, rules.constants[0], m.F):  # a kink, as seen from afar
+            step[:] = KNOWN_STEP
+            linearise(k, m.x, rules.rows, told, rules.nominal, m.par, tab, step, m.A, m.C)
+            if not transition(k, m.A, rules.constants[0], m.F):
+                hold(m.F)
         scalars[AGE], scalars[ZETA_THEN], scalars[SPEED_THEN], scalars[OPENING_THEN] = 0.0, zeta, speed, told[OPENING]
     scalars[AGE] += 1.0
     scalars[DOUBT] = 1.0 if k.aux[REGIME_E] != 0.0 else max(0.0, 1.0 - (1.0 - zeta) / SHORT_ZONE)
@@ -139,10 +145,11 @@ def _innovate(m: Memory, rules: Rules, reading: Array) -> None:
 @jit
 def _correct(m: Memory, rules: Rules, dz: Array) -> None:
     """Work out the correction `dz` (n,), the covariance after it, and what the jumps' windows learn."""
-    n, P = _uncertain(m, rules), m.P
+    n = _uncertain(m, rules)
     may_gate, gated, total, readings = m.scalars[GATED] * rules.constants[0] < GATED_S, False, 0.0, 0.0
     for i in range(m.P.shape[0]):
         dz[i] = 0.0
+    gains, G = np.zeros(N_READINGS), jumps.innovations_of(m)
     for r in range(N_READINGS):
         m.white[r] = 0.0
         if not rules.R[r] < np.inf:
@@ -155,32 +162,31 @@ def _correct(m: Memory, rules: Rules, dz: Array) -> None:
         m.white[r] = e / np.sqrt(s)
         total += min(m.white[r] ** 2, MOST)
         readings += 1.0
-        gain = 1.0
+        jumps.follow(m, G[r], e, s)
         if may_gate and abs(m.white[r]) > GATE:
-            gated, gain = True, 0.0
-        jumps.follow(m, C, K, e, s, gain)
-        if gain == 0.0:
+            gated = True
             continue
+        gains[r] = 1.0 / s
         for i in range(n):
-            f = K[i] / s
-            dz[i] += f * e
-            if f != 0.0:
-                for j in range(n):
-                    P[i, j] -= f * K[j]
+            dz[i] += K[i] / s * e
         for later in range(r + 1, N_READINGS):
             f = 0.0
             for i in range(n):
                 f += m.C[later, i] * K[i]
+            f /= s
             for i in range(n):
-                m.PC[later, i] -= f / s * K[i]
+                m.PC[later, i] -= f * K[i]
+            for j in range(G.shape[1]):
+                G[later, j] -= f * G[r, j]
+    subtract(m.PC, gains, m.PC, n, m.P)
+    subtract(m.PC, gains, G, n, m.V)
     m.scalars[GATED] = m.scalars[GATED] + 1.0 if gated else max(m.scalars[GATED] - 0.1, 0.0)
     m.scalars[NIS] += (total / readings - m.scalars[NIS]) * rules.constants[0] / NIS_S
 
 
 @jit
-def _move(m: Memory, rules: Rules, dz: Array) -> None:
+def _move(m: Memory, k: Work, rules: Rules, dz: Array) -> None:
     """Move the estimate by `dz` (n,), in units of the scales; unknowns stay within their limits."""
-    k = views(m.work)
     for i in range(N_STATES):
         if i != ENERGY:
             k.y[i] += dz[i] * STATE_SCALE[i]
@@ -189,55 +195,55 @@ def _move(m: Memory, rules: Rules, dz: Array) -> None:
         m.x[i] = min(max(was + dz[N_STATES + i] * row[SCALE], row[LOWEST]), row[HIGHEST])
         if is_charge(rules.rows, i):
             k.memory[CHARGE] += rules.nominal[_CHARGE] * (m.x[i] - was)
-    k.held[0] = np.nan  # the integration begins anew
 
 
 @jit
-def observe(flat: Array, rules: Rules, reading: Array, told: Array, tab: Tables) -> None:
+def observe(flat: Array, packed: Array, reading: Array, told: Array, tab: Tables) -> None:
     """Take the readings of a tick.
 
     Parameters
     ----------
     flat : array
         The memory, from `fdi_node.envelope.memory.new_memory`.
-    rules : Rules
+    packed : array
+        The rules, from `fdi_node.envelope.memory.packed`.
     reading : (4,) array
         p_e Pa, SH K, T_w degC, p_c Pa.
     told : (N_HELD,) array
         What the plant was driven by up to now, as commanded and measured.
     tab : Tables
     """
+    rules = rules_in(packed)
     m = memory_of(flat, rules.rows.shape[0], rules.jumping.shape[0])
     k = views(m.work)
     dz = np.empty(m.P.shape[0])
-    _renew_when_due(m, rules, told, tab)
+    _renew_when_due(m, k, rules, told, tab)
     _innovate(m, rules, reading)
     jumps.begin_due(m, rules, int(m.scalars[TICKS]))
     m.scalars[TICKS] += 1.0
     _correct(m, rules, dz)
     for i in range(N_STATES):
         m.before[i] = k.y[i]
-    _move(m, rules, dz)
+    _move(m, k, rules, dz)
     jumps.judge(m, rules)
 
 
 @jit
-def predict(flat: Array, rules: Rules, told: Array, tab: Tables) -> int:
+def predict(flat: Array, packed: Array, told: Array, tab: Tables) -> int:
     """Go on to the next tick with the plant driven by `told`; 0, or 1 when the state cannot be continued."""
+    rules = rules_in(packed)
     m = memory_of(flat, rules.rows.shape[0], rules.jumping.shape[0])
     k, h = views(m.work), rules.constants[0]
     apply(m.x, rules.rows, told, rules.nominal, m.par, m.held)
     for i in range(N_STATES):
         m.now[i] = k.y[i]
-    k.held[0] = np.nan
-    status = integrator.run(m.work, m.par, tab, m.held, h, m.out)
+    status = go_on(k, m.work, m.par, tab, m.held, h, m.C, m.out)
     if status != 0:
         m.scalars[LOST] += 1.0
         for i in range(N_STATES):
             k.y[i] = m.now[i] = m.before[i]
-        k.held[0] = np.nan
-        status = integrator.run(m.work, m.par, tab, m.held, h, m.out)
-    _propagate_covariance(m, rules, _uncertain(m, rules))
+        status = go_on(k, m.work, m.par, tab, m.held, h, m.C, m.out)
+    _propagate_covariance(m, k.y, rules, _uncertain(m, rules))
     jumps.propagate(m, rules, told[OPENING])
     for r in range(N_READINGS):
         if not np.isfinite(m.out[r]):
@@ -246,26 +252,19 @@ def predict(flat: Array, rules: Rules, told: Array, tab: Tables) -> int:
 
 
 @jit
-def _propagate_covariance(m: Memory, rules: Rules, n: int) -> None:
+def _propagate_covariance(m: Memory, y: Array, rules: Rules, n: int) -> None:
     """P <- F P F' + Q of the first n states, no standard deviation above `MOST_SD`."""
-    P, F, h, y = m.P, m.F, rules.constants[0], views(m.work).y
-    M, FT, D = np.zeros((N_STATES, n)), np.zeros((n, N_STATES)), np.zeros(N_STATES)
+    P, F, h, size = m.P, m.F, rules.constants[0], m.P.shape[0]
+    M, FT, D = np.empty((N_STATES, size)), np.empty((size, N_STATES)), np.empty((N_STATES, N_STATES))
+    columns = terms(rules.rows, P, False)
+    multiply(F, P, columns, M)
+    for k in columns:
+        for i in range(N_STATES):
+            FT[k, i] = F[i, k]
+    multiply(M, FT, columns, D)
     for i in range(N_STATES):
-        for k in range(n):
-            f = F[i, k]
-            FT[k, i] = f
-            if f != 0.0:
-                for j in range(n):
-                    M[i, j] += f * P[k, j]
-    for i in range(N_STATES):
-        for j in range(N_STATES):
-            D[j] = 0.0
-        for k in range(n):
-            f = M[i, k]
-            for j in range(N_STATES):
-                D[j] += f * FT[k, j]
         for j in range(i + 1):
-            P[i, j] = P[j, i] = D[j]
+            P[i, j] = P[j, i] = D[i, j]
         for j in range(N_STATES, n):
             P[i, j] = P[j, i] = M[i, j]
     for i in range(n):
@@ -286,7 +285,7 @@ def accept_jump(flat: Array, rules: Rules, h: int) -> None:
     m = memory_of(flat, rules.rows.shape[0], rules.jumping.shape[0])
     dz = np.zeros(m.P.shape[0])
     jumps.accept(m, rules, h, dz)
-    _move(m, rules, dz)
+    _move(m, views(m.work), rules, dz)
 
 
 @jit

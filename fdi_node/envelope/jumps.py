@@ -18,7 +18,8 @@ from ac_plant_node.dynamics.balances import N_STATES
 from ac_plant_node.dynamics.drive import OPENING
 from fdi_node.envelope.compiled import Array, jit
 from fdi_node.envelope.memory import ABRUPT, LARGEST, N_BEGINNINGS, N_ONSETS, N_WINDOWS, Memory, Rules
-from fdi_node.envelope.model import SCALE
+from fdi_node.envelope.model import N_READINGS, SCALE
+from fdi_node.envelope.products import multiply, terms
 
 SHORTEST_S, LONGEST_S = 1, 64
 """Window w is SHORTEST_S 2^w seconds long, and begins when another one is half full."""
@@ -105,44 +106,41 @@ def begin_due(m: Memory, rules: Rules, tick: int) -> None:
 
 
 @jit
-def follow(m: Memory, C: Array, K: Array, e: float, s: float, gain: float) -> None:
-    """Take one reading: its row C (n,), K = P C' before it, innovation e of variance s; gain 1, or 0 if not used."""
+def innovations_of(m: Memory) -> Array:
+    """Return G = C V (4, w), what jumps do to the innovations."""
     n, w = m.V.shape
-    G = np.zeros(w)
-    for i in range(n):
-        c = C[i]
-        if c != 0.0:
-            for j in range(w):
-                G[j] += c * m.V[i, j]
-    for j in range(w):
-        m.S[j] += G[j] * G[j] / s
-        m.d[j] += G[j] * e / s
-    if gain == 0.0:
-        return
-    for i in range(n):
-        f = K[i] / s
-        if f != 0.0:
-            for j in range(w):
-                m.V[i, j] -= f * G[j]
+    G = np.zeros((N_READINGS, w))
+    for r in range(N_READINGS):
+        for i in range(n):
+            c = m.C[r, i]
+            if c != 0.0:
+                for j in range(w):
+                    G[r, j] += c * m.V[i, j]
+    return G
+
+
+@jit
+def follow(m: Memory, G: Array, e: float, s: float) -> None:
+    """Take one reading: what jumps do to its innovation (w,), the innovation e, of variance s."""
+    per_variance = 1.0 / s
+    for j in range(G.shape[0]):
+        f = G[j] * per_variance
+        m.S[j] += f * G[j]
+        m.d[j] += f * e
 
 
 @jit
 def propagate(m: Memory, rules: Rules, opening: float) -> None:
     """Go on to the next tick: V <- F V; `opening`: the valve's, as commanded."""
-    n, w = m.V.shape
+    w = m.V.shape[1]
     q = rules.jumping.shape[0]
     for h in range(q):
         if rules.prior[h] < 0.0:
             at = int(rules.jumping[h])
             for window in range(N_WINDOWS):
                 m.V[N_STATES + at, window * q + h] = (m.opening[window] - opening) / rules.rows[at, SCALE]
-    D = np.zeros((N_STATES, w))
-    for i in range(N_STATES):
-        for k in range(n):
-            f = m.F[i, k]
-            if f != 0.0:
-                for j in range(w):
-                    D[i, j] += f * m.V[k, j]
+    D = np.empty((N_STATES, w))
+    multiply(m.F, m.V, terms(rules.rows, m.P, True), D)
     for i in range(N_STATES):
         for j in range(w):
             m.V[i, j] = D[i, j]
@@ -157,7 +155,8 @@ def judge(m: Memory, rules: Rules) -> None:
         m.ratios[h] = -np.inf
     for window in range(N_WINDOWS):
         m.telling[window] = -np.inf
-        for h in range(q):
+    for h in range(q):
+        for window in range(N_WINDOWS):
             ratio = _ratio(m, rules, window * q + h, h)
             m.telling[window] = max(m.telling[window], ratio)
             if ratio > m.ratios[h]:

@@ -18,6 +18,7 @@ N_ONSETS = 10
 ABRUPT = 1
 """Which of those that may jump does so in one tick: the sensor of the evaporator's pressure."""
 N_BEGINNINGS = N_WINDOWS + N_ONSETS + 1
+N_PARAMETERS = len(NAMES)
 
 TICKS, LOST, AGE, ZETA_THEN, SPEED_THEN, OPENING_THEN, DOUBT, NIS, GATED, LARGEST = range(10)
 """Scalars: ticks observed; corrections that led outside the model's domain and were taken back; ticks since the last
@@ -42,6 +43,26 @@ class Rules(NamedTuple):
     prior: Array
     nominal: Array
     constants: Array
+
+
+def packed(rules: Rules) -> Array:
+    """Return rules as one array, because each array handed to compiled code costs time; `rules_in` takes it."""
+    sizes = np.array([len(rules.rows), len(rules.jumping)], dtype=np.float64)
+    return np.concatenate([sizes, *(part.ravel() for part in rules)])
+
+
+@jit
+def rules_in(flat: Array) -> Rules:
+    """Return the parts of an array from `packed`."""
+    m, q = int(flat[0]), int(flat[1])
+    n = N_STATES + m
+    a = 2 + 5 * m
+    b = a + n
+    c = b + N_READINGS
+    d = c + q
+    e = d + q
+    f = e + N_PARAMETERS
+    return Rules(flat[2:a].reshape(m, 5), flat[a:b], flat[b:c], flat[c:d], flat[d:e], flat[e:f], flat[f:])
 
 
 class Memory(NamedTuple):
@@ -115,9 +136,6 @@ def memory_of(flat: Array, m: int, q: int) -> Memory:
         flat[x:y], flat[y:z], flat[z : z + w], flat[z + w : z + 2 * w], flat[z + 2 * w : z + 2 * w + q],
         flat[z + 2 * w + q : z + 2 * w + 2 * q],
     )  # fmt: skip
-
-
-N_PARAMETERS = len(NAMES)
 
 
 def new_memory(m: int, q: int) -> Array:

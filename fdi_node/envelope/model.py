@@ -1,5 +1,7 @@
 """The plant as the observer sees it: driven by what is told and by the unknowns, with Jacobians by differences."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ac_plant_node.dynamics.balances import (
@@ -12,9 +14,10 @@ from ac_plant_node.dynamics.balances import (
     condenser_zones,
     evaporator_zones,
 )
-from ac_plant_node.dynamics.drive import set_drive
-from ac_plant_node.dynamics.transfer import flows
+from ac_plant_node.dynamics.drive import ETA_S, set_drive
+from ac_plant_node.dynamics.transfer import Suction, flows
 from ac_plant_node.dynamics.workspace import CHARGE, ERROR_SCALE, Work
+from ac_plant_node.dynamics.zones import Condenser, Evaporator
 from ac_plant_node.inputs import HELD_HIGH, HELD_LOW, N_HELD
 from ac_plant_node.parameters.values import INDEX
 from ac_plant_node.properties.tables import Tables
@@ -82,14 +85,37 @@ def _outputs(k: Work, out: Array) -> None:
     out[0], out[1], out[2], out[3] = k.aux[P_E], k.aux[SUPERHEAT], k.aux[WALL_E2] - 273.15, k.aux[P_C]
 
 
+class Base(NamedTuple):
+    """Zones of the state that differences are taken around, with 1 where there are none inside the tables."""
+
+    evaporator: Evaporator
+    suction: Suction
+    outside_e: int
+    condenser: Condenser
+    outside_c: int
+
+
 @jit
-def _rates(k: Work, s: Array, par: Array, tab: Tables, dy: Array, out: Array) -> int:
-    """Rates and outputs at the integration state `s`, with zones solved from the present pressures; 0 or 1 as `rhs`."""
-    ev, suction, failed_e = evaporator_zones(s, par, tab, k.guess[0])
-    co, failed_c = condenser_zones(s, k.drive, suction, par, tab, k.guess[1])
+def _rates(
+    k: Work,
+    s: Array,
+    par: Array,
+    tab: Tables,
+    base: Base,
+    other_evaporator: bool,
+    other_condenser: bool,
+    dy: Array,
+    out: Array,
+) -> int:
+    """Rates and outputs at the integration state `s`; the base's zones where they are no others; 0 if there are any."""
+    ev, suction, failed_e, co, failed_c = base
+    if other_evaporator:
+        ev, suction, failed_e = evaporator_zones(s, par, tab, ev.p)
+    if other_condenser:
+        co, failed_c = condenser_zones(s, k.drive, suction, par, tab, co.p)
     balances(s, k.drive, par, ev, suction, co, flows(ev, co, suction, s[8], k.drive, par, tab), k.z, dy, k.aux)
     _outputs(k, out)
-    return max(failed_e, failed_c)
+    return int(failed_e + failed_c)
 
 
 @jit
@@ -107,8 +133,9 @@ def linearise(
 ) -> None:
     """Work out the Jacobians of rates and outputs at the present state, in units of the scales, by central differences.
 
-    A column whose differences leave the property tables is zero. Zones and mass flows are not worked out again for wall
-    temperatures, on which they do not depend.
+    A column whose differences leave the property tables is zero. Only what depends on it is worked out again: wall
+    temperatures move no zone, the condenser's energy and first zone not the evaporator, the plant's inputs no zone
+    unless through the compressor's efficiency.
 
     Parameters
     ----------
@@ -131,9 +158,10 @@ def linearise(
     for i in range(N_STATES):
         s[i] = k.y[i]
     s[ENERGY] = charge - s[0]
-    ev, suction, _ = evaporator_zones(s, par, tab, k.guess[0])
-    co, _ = condenser_zones(s, k.drive, suction, par, tab, k.guess[1])
-    flow = flows(ev, co, suction, s[8], k.drive, par, tab)
+    efficiency = k.drive[ETA_S]
+    ev, suction, outside_e = evaporator_zones(s, par, tab, k.guess[0])
+    co, outside_c = condenser_zones(s, k.drive, suction, par, tab, k.guess[1])
+    base = Base(ev, suction, outside_e, co, outside_c)
     for j in range(N_STATES + m):
         if j == ENERGY:
             continue
@@ -143,6 +171,8 @@ def linearise(
             at = int(rows[u, POSITION])
             C[at, j] = scale / READING_SCALE[at]
             continue
+        is_parameter, is_wall = u >= 0 and int(rows[u, PLACE]) == PARAMETER, j == 3 or j == 4 or 9 <= j < N_STATES
+        other_evaporator = j < 3 or j == 8 or is_parameter
         failed = 0
         for sign in range(2):
             d = step[j] * scale if sign == 0 else -step[j] * scale
@@ -157,16 +187,13 @@ def linearise(
                     moved[i] = x[i]
                 moved[u] += d
                 _drive(k, moved, rows, told, nominal, par)
-            if j == 3 or j == 4 or (9 <= j < N_STATES):
-                balances(s, k.drive, par, ev, suction, co, flow, k.z, dy, k.aux)
-                _outputs(k, out)
-            else:
-                failed += _rates(k, s, par, tab, dy, out)
+            other_condenser = (u < 0 and not is_wall) or is_parameter or k.drive[ETA_S] != efficiency
+            failed += _rates(k, s, par, tab, base, other_evaporator, other_condenser, dy, out)
         if u < 0:
             s[j] = k.y[j]
-        s[ENERGY] = charge - s[0]
-        if u >= 0:
+        else:
             _drive(k, x, rows, told, nominal, par)
+        s[ENERGY] = charge - s[0]
         if failed == 0:
             for i in range(N_STATES):
                 A[i, j] = (up[i] - down[i]) / (2.0 * step[j] * STATE_SCALE[i]) if i != ENERGY else 0.0

@@ -1,60 +1,47 @@
 """Transition over one tick of the linearised plant with its unknowns held, exactly."""
 
-import numpy as np
-
 from ac_plant_node.dynamics.balances import N_STATES
-from ac_plant_node.dynamics.linear_algebra import times
+from ac_plant_node.dynamics.exponential import make_phi
+from ac_plant_node.dynamics.workspace import AGE, ERROR_SCALE, PHI_0, PHI_1, Work
 from fdi_node.envelope.compiled import Array, jit
 
-_RADIUS, _TERMS = 0.5, 9
+MOST_GROWTH = 1.0e3
+"""No plant carries more than so much of anything from one tick to the next; differences across a kink can say so."""
+_LENT = 0.5
+"""Age of a Jacobian that the integration is lent: one of its own takes its place when it does not serve."""
 
 
 @jit
-def transition(A: Array, h: float, F: Array) -> None:
+def transition(k: Work, A: Array, h: float, F: Array) -> bool:
     """Work out `F` (12, n) of ``x+ = F [x, u]`` from `A` (12, n) of ``dx/dt = A [x, u]``, u constant, over h.
 
-    ``F = [phi_0(hA_x), h phi_1(hA_x) A_u]`` by the series of phi_1 at a matrix that is halved until it is small, and
-    ``phi_1(2A) = (phi_0(A) + 1) phi_1(A) / 2``.
+    ``F = [phi_0(hA_x), h phi_1(hA_x) A_u]``, all in units of the scales. The phi functions are those of the exponential
+    step; the integration `k` goes on with them and with this Jacobian. False when that is beyond `MOST_GROWTH`.
     """
-    n = N_STATES
-    a, p, q, room = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
-    largest = 0.0
-    for i in range(n):
-        total = 0.0
-        for j in range(n):
-            a[i, j] = h * A[i, j]
-            total += abs(a[i, j])
-        largest = max(largest, total)
-    halvings = 0
-    while largest > _RADIUS * 2.0**halvings and halvings < 60:
-        halvings += 1
-    for i in range(n):
-        for j in range(n):
-            a[i, j] *= 0.5**halvings
-        q[i, i] = 1.0
-    for k in range(_TERMS, 0, -1):  # 1 + A/2 (1 + A/3 (1 + ...))
-        times(a, q, room)
-        for i in range(n):
-            for j in range(n):
-                q[i, j] = room[i, j] / (k + 1.0)
-            q[i, i] += 1.0
-    times(a, q, p)
-    for i in range(n):
-        p[i, i] += 1.0
-    for _ in range(halvings):
-        times(p, q, room)
-        for i in range(n):
-            for j in range(n):
-                q[i, j] = 0.5 * (q[i, j] + room[i, j])
-        times(p, p, room)
-        for i in range(n):
-            for j in range(n):
-                p[i, j] = room[i, j]
-    for i in range(n):
-        for j in range(n):
-            F[i, j] = p[i, j]
-        for j in range(n, A.shape[1]):
-            total = 0.0
-            for k in range(n):
-                total += q[i, k] * A[k, j]
-            F[i, j] = h * total
+    for i in range(N_STATES):
+        for j in range(N_STATES):
+            k.jac[i, j] = A[i, j] * ERROR_SCALE[i] / ERROR_SCALE[j]
+    k.memory[AGE] = _LENT
+    make_phi(k, h)
+    for i in range(N_STATES):
+        for j in range(N_STATES, A.shape[1]):
+            F[i, j] = 0.0
+        for m in range(N_STATES):
+            unit = ERROR_SCALE[m] / ERROR_SCALE[i]
+            F[i, m] = k.phi[PHI_0, i, m] * unit
+            f = h * k.phi[PHI_1, i, m] * unit
+            for j in range(N_STATES, A.shape[1]):
+                F[i, j] += f * A[m, j]
+    for i in range(N_STATES):
+        for j in range(A.shape[1]):
+            if not abs(F[i, j]) <= MOST_GROWTH:
+                return False
+    return True
+
+
+@jit
+def hold(F: Array) -> None:
+    """Make `F` (12, n) that of a plant that stays where it is."""
+    for i in range(N_STATES):
+        for j in range(F.shape[1]):
+            F[i, j] = 1.0 if i == j else 0.0

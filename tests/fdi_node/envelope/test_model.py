@@ -5,9 +5,9 @@ import pytest
 from scipy.linalg import expm
 
 from ac_plant_node.dynamics.balances import N_STATES
-from ac_plant_node.dynamics.workspace import views
+from ac_plant_node.dynamics.workspace import N_WORK, views
 from fdi_node.envelope.model import ENERGY, linearise
-from fdi_node.envelope.transition import transition
+from fdi_node.envelope.transition import hold, transition
 from tests.fdi_node.envelope.loops import Loop
 
 
@@ -57,5 +57,15 @@ def test_transition_is_the_matrix_exponential() -> None:
     whole = np.zeros((N_STATES + 5, N_STATES + 5))
     whole[:N_STATES] = A
     F = np.zeros_like(A)
-    transition(A, 0.1, F)
+    assert transition(views(np.zeros(N_WORK)), A, 0.1, F)
     assert pytest.approx(expm(0.1 * whole)[:N_STATES], rel=1e-8, abs=1e-9) == F
+
+
+def test_transition_that_no_plant_has_is_refused() -> None:
+    A = np.zeros((N_STATES, N_STATES + 5))
+    F = np.zeros_like(A)
+    for rate in (200.0, 1.0e5):  # the second is beyond what a number can be
+        A[2, 2] = rate
+        assert not transition(views(np.zeros(N_WORK)), A, 0.1, F)
+    hold(F)
+    assert np.array_equal(F, np.eye(N_STATES, N_STATES + 5))

@@ -1,0 +1,59 @@
+"""Products with the transition and with gains, as the filter and its windows need them: loops that vectorise.
+
+The inner loop runs along the rows of an array and takes four terms at a time, so that what it adds to is fetched and
+stored once for all four.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ac_plant_node.dynamics.balances import N_STATES
+from fdi_node.envelope.compiled import Array, jit
+from fdi_node.envelope.model import ENERGY, PLACE, READING
+
+_TERMS = 4
+Columns = NDArray[np.int64]
+
+
+@jit
+def terms(rows: Array, P: Array, all_of_them: bool) -> Columns:
+    """Return the columns of the transition that count, as many as is a multiple of four.
+
+    Those of readings' errors are zero, and those of what is known exactly (`P`), unless `all_of_them`, meet zeros. They
+    are filled up with `ENERGY`, whose column and row are zero.
+    """
+    n, count = P.shape[0], 0
+    found = np.empty(n + _TERMS, dtype=np.int64)
+    for i in range(n):
+        counts = i != ENERGY and (i < N_STATES or rows[i - N_STATES, PLACE] != READING)
+        if counts and (all_of_them or P[i, i] != 0.0):
+            found[count] = i
+            count += 1
+    while count % _TERMS != 0:
+        found[count] = ENERGY
+        count += 1
+    return found[:count]
+
+
+@jit
+def multiply(F: Array, V: Array, columns: Columns, D: Array) -> None:
+    """Work out the rows of states of `D` (12, w) = F V; `columns` of F and rows of V from `terms`."""
+    w = V.shape[1]
+    for i in range(N_STATES):
+        for j in range(w):
+            D[i, j] = 0.0
+        for at in range(0, columns.shape[0], _TERMS):
+            a, b, c, d = columns[at], columns[at + 1], columns[at + 2], columns[at + 3]
+            f, g, h, k = F[i, a], F[i, b], F[i, c], F[i, d]
+            for j in range(w):
+                D[i, j] = D[i, j] + f * V[a, j] + g * V[b, j] + h * V[c, j] + k * V[d, j]
+
+
+@jit
+def subtract(K: Array, gains: Array, G: Array, n: int, V: Array) -> None:
+    """V <- V - K' diag(gains) G in the first `n` rows of V (n, w); K (4, n), gains (4,), G (4, w)."""
+    for i in range(n):
+        a, b, c, d = K[0, i] * gains[0], K[1, i] * gains[1], K[2, i] * gains[2], K[3, i] * gains[3]
+        if a != 0.0 or b != 0.0 or c != 0.0 or d != 0.0:
+            for j in range(G.shape[1]):
+                V[i, j] = V[i, j] - a * G[0, j] - b * G[1, j] - c * G[2, j] - d * G[3, j]
