@@ -2,14 +2,18 @@
 
     python -m docs.tools.envelope_tables 10000 100            # drives 10000 to 10099, 2 processes
     python -m docs.tools.envelope_tables 10000 100 --rows rows.json
+    python -m docs.tools.envelope_tables 200 6 --plant-off 1 --estimate-parameters
 
 Each drive (`drive:SEED`) runs without a fault and with each of `FAULTS` from 900 s on, with accommodation and, where it
-is compared, with K0 alone.
+is compared, with K0 alone. With ``--plant-off`` every drive has a plant of its own, each uncertain parameter of which
+(`fdi_node.envelope.unknowns.PARAMETERS`) is one standard deviation above or below what the designs are made for.
 """
 
 import argparse
 import json
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,11 +22,15 @@ import numpy as np
 from scipy.stats import beta, chi2
 
 from ac_common.units import KPA, RPM
-from ac_experiments.designs import designs_of
+from ac_design.envelope import design_envelope_fdi
+from ac_experiments.designs import EnvelopeDesigns, designs_of
 from ac_experiments.metrics import summarise
 from ac_experiments.recording import Recording
 from ac_experiments.scenario import check, load
 from ac_experiments.simulate import simulate
+from ac_plant_node import Plant, load_parameters
+from ac_plant_node.equilibrium import equilibrium, table_inputs
+from fdi_node.envelope.unknowns import PARAMETERS
 
 ONSET_S = 900.0
 #: Name, the fault, whether K0 alone runs beside it.
@@ -60,11 +68,35 @@ def _alarms(run: Recording, until_s: float) -> float:
     return sum(row.detected for row in run.status if row.time_s < until_s) * step_s
 
 
-def run_drive(seed: int, design: str, faults: dict[str, tuple[dict[str, Any], bool]]) -> dict[str, Any]:
-    """Return the figures of one drive."""
+def plant_off(point: str, seed: Sequence[int]) -> Plant:
+    """Return a plant at rest, whose uncertain parameters are one standard deviation off, each up or down at random."""
+    parameters, signs = load_parameters(), np.random.default_rng(seed).choice([-1.0, 1.0], size=len(PARAMETERS))
+    values = {
+        one.name: parameters[one.name] * np.exp(sign * one.scale) for one, sign in zip(PARAMETERS, signs, strict=True)
+    }
+    other = parameters.replace(**values)
+    rest = equilibrium(table_inputs(point), other)
+    return Plant(rest.conserved, rest.inputs, other)
+
+
+def run_drive(
+    seed: int,
+    design: str,
+    faults: dict[str, tuple[dict[str, Any], bool]],
+    off: int | None = None,
+    estimate_parameters: bool = False,
+) -> dict[str, Any]:
+    """Return the figures of one drive; `off`: seed of a plant that is another one than the designs are for."""
     base = load(f"drive:{seed}").model_copy(update={"design": design})
     designs = designs_of(base)
-    healthy, alone = (simulate(base, passive, designs=designs) for passive in (False, True))
+    if estimate_parameters:
+        assert isinstance(designs, EnvelopeDesigns)
+        observer = design_envelope_fdi(base.sample_time_s, base.envelope_sensors, estimate_parameters=True)
+        designs = replace(designs, fdi=observer)
+    run_with = partial(
+        simulate, designs=designs, plant=None if off is None else plant_off(base.operating_point, (off, seed))
+    )
+    healthy, alone = (run_with(base, passive) for passive in (False, True))
     found = summarise(healthy)
     row: dict[str, Any] = {
         "seed": seed,
@@ -76,10 +108,10 @@ def run_drive(seed: int, design: str, faults: dict[str, tuple[dict[str, Any], bo
     }
     for name, (fault, beside) in faults.items():
         scenario = check({**base.model_dump(mode="json"), "faults": [{**fault, "onset_s": ONSET_S}]})
-        run = simulate(scenario, False, designs=designs)
+        run = run_with(scenario, False)
         row[name] = _with_fault(run, healthy)
         if beside:
-            passive = simulate(scenario, True, designs=designs)
+            passive = run_with(scenario, True)
             row[name] |= {"peak_alone": _peak(passive), "iae_alone": _iae(passive, ONSET_S)}
     return row
 
@@ -185,11 +217,22 @@ def main() -> None:
     parser.add_argument("--design", default="envelope")
     parser.add_argument("--unmodelled", action="store_true")
     parser.add_argument("--rows", type=Path)
+    parser.add_argument("--plant-off", type=int, metavar="SEED")
+    parser.add_argument("--estimate-parameters", action="store_true")
     given = parser.parse_args()
     faults = UNMODELLED if given.unmodelled else FAULTS
+    if given.plant_off is not None:  # the small ones cannot be told from what is off
+        faults = {name: fault for name, fault in faults.items() if fault[1]}
     seeds = range(given.first, given.first + given.count)
     with ProcessPoolExecutor(given.jobs) as pool:
-        rows = list(pool.map(partial(run_drive, design=given.design, faults=faults), seeds))
+        run = partial(
+            run_drive,
+            design=given.design,
+            faults=faults,
+            off=given.plant_off,
+            estimate_parameters=given.estimate_parameters,
+        )
+        rows = list(pool.map(run, seeds))
     if given.rows:
         given.rows.write_text(json.dumps(rows))
     print(tables(rows, faults))
