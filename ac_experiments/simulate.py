@@ -40,7 +40,6 @@ from ac_experiments.scenario_schema import Scenario
 from ac_experiments.versions import versions
 
 if TYPE_CHECKING:
-    from ac_plant_node import Plant
     from gimc_controller_node.protection import ProtectionLimits
 
 Progress = Callable[[int, int], None]
@@ -73,7 +72,6 @@ def simulate(
     progress: Progress | None = None,
     designs: Designs | EnvelopeDesigns | None = None,
     limits: "ProtectionLimits | None" = None,
-    plant: "Plant | None" = None,
 ) -> Recording:
     """Run `scenario` on the nonlinear plant.
 
@@ -89,9 +87,6 @@ def simulate(
         What to run instead of the designs of the scenario's operating point.
     limits
         Of the protection, instead of its own.
-    plant
-        What to run instead of the plant that the designs are for, at rest with the inputs of the operating point; it is
-        left as it is. Not in a car.
 
     Returns
     -------
@@ -107,7 +102,7 @@ def simulate(
         When the compensator is to act with two sensors.
     """
     passive = scenario.is_passive(passive)
-    loop = _Loop(scenario, designs or designs_of(scenario), limits, accommodate=not passive, plant=plant)
+    loop = _Loop(scenario, designs or designs_of(scenario), limits, accommodate=not passive)
     plan, ticks = loop.schedule, scenario.ticks
     keys = _MADE if scenario.car is None else (*_MADE, *CABIN_SERIES)
     made, row = np.empty((ticks, len(keys))), Struct(f"{len(keys)}d")
@@ -163,7 +158,6 @@ class _Loop:
         limits: "ProtectionLimits | None",
         *,
         accommodate: bool,
-        plant: "Plant | None" = None,
     ) -> None:
         # Imported here: these compile or load designs, and the command line must answer --help at once.
         from ac_plant_node import Plant, operating_point
@@ -180,12 +174,7 @@ class _Loop:
         self.status: list[StatusRow] = []
         self.events: list[dict[str, Any]] = []
         self._sample_time_s = scenario.sample_time_s
-        outputs = rest.outputs
-        if plant is None:
-            plant = Plant.at(scenario.operating_point)
-        else:
-            plant = plant.copy()
-            outputs = plant.step(plant.inputs, 0.0)
+        plant = Plant.at(scenario.operating_point)
         self.schedule = schedule(scenario, plant.inputs, rest.outputs)
         self._car = Car(scenario.operating_point, cabin_of(scenario.car)) if scenario.car is not None else None
         self._plant: Plant | Car = self._car or plant
@@ -202,7 +191,7 @@ class _Loop:
             scenario.controller_class,
             limits or limits_for(has_belt=scenario.has_belt, measures_head=scenario.measures_head),
         )
-        self._outputs: list[float] = (outputs if self._car is None else self._car.outputs).tolist()
+        self._outputs: list[float] = (rest if self._car is None else self._car).outputs.tolist()
         # The plant reports the inlet temperatures that acted until now: those held over the sample just past.
         acted = self._inputs if self._car is None else self._car.acted
         self._inlets = (float(acted[3]), float(acted[5]))

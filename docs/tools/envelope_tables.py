@@ -27,10 +27,11 @@ from ac_experiments.designs import EnvelopeDesigns, designs_of
 from ac_experiments.metrics import summarise
 from ac_experiments.recording import Recording
 from ac_experiments.scenario import check, load
+from ac_experiments.scenario_schema import Scenario
 from ac_experiments.simulate import simulate
-from ac_plant_node import Plant, load_parameters
-from ac_plant_node.equilibrium import equilibrium, table_inputs
-from fdi_node.envelope.unknowns import PARAMETERS
+from ac_experiments.study.plants import SIGMAS, plant_off_by
+from ac_plant_node.parameters.file import another_plant
+from ac_plant_node.parameters.values import Parameters
 
 ONSET_S = 900.0
 #: Name, the fault, whether K0 alone runs beside it.
@@ -68,15 +69,10 @@ def _alarms(run: Recording, until_s: float) -> float:
     return sum(row.detected for row in run.status if row.time_s < until_s) * step_s
 
 
-def plant_off(point: str, seed: Sequence[int]) -> Plant:
-    """Return a plant at rest, whose uncertain parameters are one standard deviation off, each up or down at random."""
-    parameters, signs = load_parameters(), np.random.default_rng(seed).choice([-1.0, 1.0], size=len(PARAMETERS))
-    values = {
-        one.name: parameters[one.name] * np.exp(sign * one.scale) for one, sign in zip(PARAMETERS, signs, strict=True)
-    }
-    other = parameters.replace(**values)
-    rest = equilibrium(table_inputs(point), other)
-    return Plant(rest.conserved, rest.inputs, other)
+def plant_off(seed: Sequence[int]) -> Parameters | None:
+    """Return a plant whose uncertain parameters are one standard deviation off, each up or down at random."""
+    signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=len(SIGMAS))
+    return plant_off_by(dict(zip(SIGMAS, signs.tolist(), strict=True)))
 
 
 def run_drive(
@@ -93,9 +89,12 @@ def run_drive(
         assert isinstance(designs, EnvelopeDesigns)
         observer = design_envelope_fdi(base.sample_time_s, base.envelope_sensors, estimate_parameters=True)
         designs = replace(designs, fdi=observer)
-    run_with = partial(
-        simulate, designs=designs, plant=None if off is None else plant_off(base.operating_point, (off, seed))
-    )
+    other = None if off is None else plant_off((off, seed))
+
+    def run_with(scenario: Scenario, passive: bool) -> Recording:
+        with another_plant(other):
+            return simulate(scenario, passive, designs=designs)
+
     healthy, alone = (run_with(base, passive) for passive in (False, True))
     found = summarise(healthy)
     row: dict[str, Any] = {
