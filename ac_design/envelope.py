@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, field, replace
+from dataclasses import astuple, dataclass, field
 
 import numpy as np
 
@@ -17,8 +17,8 @@ from fdi_node.envelope.unknowns import PARAMETERS, UNKNOWNS
 
 SENSORS = ("p_e", "superheat", "T_w", "p_c")
 """Readings that the observer can use; the first two it must."""
-PARAMETERS_SETTLE_S = 120.0
-"""For how long after the start nothing is concluded while the plant's parameters are estimated, too."""
+KNOWN, IF_NEEDED, ESTIMATED = PARAMETER_CHOICES = ("known", "if_needed", "estimated")
+"""What of the plant's parameters: `design_envelope_fdi`."""
 
 _STATE_NOISE = 0.1 * np.array([1e-5, 5.0, 20.0, 0.003, 0.002, 0.0, 50.0, 2e-4, 20.0, 0.003, 0.002, 0.002])
 
@@ -48,7 +48,8 @@ class EnvelopeWeights:
 def design_envelope_fdi(
     sample_time_s: float,
     sensors: Sequence[str] = SENSORS,
-    estimate_parameters: bool = False,
+    parameters: str = IF_NEEDED,
+    superheat: str = "direct",
     weights: EnvelopeWeights | None = None,
 ) -> EnvelopeDesign:
     """Return observer and decision over the whole envelope.
@@ -60,30 +61,34 @@ def design_envelope_fdi(
     sensors : sequence of str
         Out of `SENSORS`, with "p_e" and "superheat" among them. Without "p_c" the condenser's air flow is taken as
         known, the parameters' own, but for jumps of it.
-    estimate_parameters : bool
-        Whether the plant's uncertain parameters are estimated, too.
+    parameters : str
+        Out of `PARAMETER_CHOICES`: the plant's are `KNOWN`; or they are `ESTIMATED` from the start, at the price of
+        small faults; or that only `IF_NEEDED`, when the plant turns out to be another one in the first minute.
+    superheat : str
+        "direct", or "derived" from an outlet temperature and the measured pressure.
     weights : EnvelopeWeights, optional
 
     Raises
     ------
     UserError
-        For a sample time out of range, or sensors that there are not.
+        For a sample time out of range, sensors or a choice that there are not.
     """
     if not (math.isfinite(sample_time_s) and SHORTEST_SAMPLE_TIME_S <= sample_time_s <= LONGEST_SAMPLE_TIME_S):
         allowed = f"{SHORTEST_SAMPLE_TIME_S:g} to {LONGEST_SAMPLE_TIME_S:g} s"
         raise UserError(f"sample time {sample_time_s:g} s: designs exist for {allowed}")
     if not set(sensors) <= set(SENSORS) or not {"p_e", "superheat"} <= set(sensors):
         raise UserError(f"sensors {', '.join(sensors)}: allowed are p_e, superheat and any of {', '.join(SENSORS[2:])}")
+    if parameters not in PARAMETER_CHOICES:
+        raise UserError(f"parameters {parameters!r}: allowed are {', '.join(PARAMETER_CHOICES)}")
     weights = weights or EnvelopeWeights()
-    limits = replace(weights.limits, settle_s=PARAMETERS_SETTLE_S) if estimate_parameters else weights.limits
-    parameters, rests = load_parameters(), [operating_point(name) for name in POINTS]
+    plant, rests = load_parameters(), [operating_point(name) for name in POINTS]
     known = set() if "p_c" in sensors else {"condenser_air_flow"}
-    unknowns = UNKNOWNS + (PARAMETERS if estimate_parameters else ())
+    unknowns = UNKNOWNS + (PARAMETERS if parameters != KNOWN else ())
     return EnvelopeDesign(
-        parameters=parameters.array.copy(),
-        refrigerant=float(REFRIGERANTS.index(parameters.refrigerant)),
+        parameters=plant.array.copy(),
+        refrigerant=float(REFRIGERANTS.index(plant.refrigerant)),
         start_states=np.array([rest.conserved for rest in rests]),
-        start_inputs=np.array([held_inputs(rest.inputs, parameters)[:N_INPUTS] for rest in rests]),
+        start_inputs=np.array([held_inputs(rest.inputs, plant)[:N_INPUTS] for rest in rests]),
         start_outputs=np.array([rest.outputs for rest in rests]),
         used=np.array([float(name in sensors) for name in SENSORS]),
         reading_std=np.array(weights.reading_std),
@@ -91,6 +96,8 @@ def design_envelope_fdi(
         rate_share=weights.rate_share,
         first=np.array([0.0 if one.name in known else one.first for one in unknowns]),
         drift=np.array([0.0 if one.name in known else one.drift for one in unknowns]),
-        limits=np.array(astuple(limits)),
+        opened=float(parameters == ESTIMATED),
+        derived=float(superheat == "derived"),
+        limits=np.array(astuple(weights.limits)),
         sample_time_s=sample_time_s,
     )

@@ -248,7 +248,7 @@ def envelope_design_of(
     from gimc_controller_node.envelope_compensator import EnvelopeCompensatorDesign
 
     if node == FDI:
-        return design_envelope_fdi(sample_time_s, sensors or SENSORS)
+        return design_envelope_fdi(sample_time_s, sensors or SENSORS, superheat=superheat)
     k0 = design_controller(point, sample_time_s, ENVELOPE_CONTROLLER)
     if node == CONTROLLER:
         return k0

@@ -30,7 +30,7 @@ from ac_plant_node.dynamics.balances import N_STATES
 from fdi_node.envelope import filter as kalman
 from fdi_node.envelope import jumps
 from fdi_node.envelope.memory import ABRUPT, LARGEST, NIS, TICKS, Rules, memory_of
-from fdi_node.envelope.unknowns import NATURAL, Unknown
+from fdi_node.envelope.unknowns import NATURAL, UNKNOWNS, Unknown
 
 NOT = math.inf
 """Time since when something holds that does not hold."""
@@ -58,10 +58,10 @@ class Limits:
         What the ratio of a named fault or an air flow counts more against those of the others, which are rarer.
     onsets_malus : float
         What the ratio of the pressure sensor's jump counts less, because the likeliest of many onsets is taken.
-    hold_s, hold_unsure_s : float
-        How long a fault of the compressor whose ratio is above `plain`, and any other one, must be ahead (early in a
-        fault of the compressor a jump of the pressure's sensor can explain as much), and anything must be certain to be
-        detected.
+    hold_s, hold_unsure_s, hold_growing_s : float
+        How long a fault of the compressor whose ratio is above `plain`, any other one (early in a fault of the
+        compressor a jump of the pressure's sensor can explain as much), and one that grows must be ahead; anything must
+        be certain for the second to be detected.
     after_natural_s : float
         For how long after a jump of an air flow a fault waits that is neither isolated at once nor a plain one of the
         compressor: the model is linearised.
@@ -69,6 +69,9 @@ class Limits:
         How long an explanation is waited for when ratios are above `certain`. When they are not, as long as it takes.
     clear_s, settle_s : float
         How long a fault must be gone to be over; for how long after the start nothing is concluded.
+    trust_s, settle_open_s : float
+        What would be isolated before the first is taken for a plant whose parameters are others, where the design says
+        that these may be estimated; then nothing is concluded for the second.
     sigmas : float
         Thresholds of the named faults' estimates, in standard deviations of the filter,
     floor_rad_s, floor_pa : float
@@ -95,10 +98,13 @@ class Limits:
     onsets_malus: float = 5.0
     hold_s: float = 0.4
     hold_unsure_s: float = 3.0
+    hold_growing_s: float = 10.0
     after_natural_s: float = 30.0
     undecided_s: float = 30.0
     clear_s: float = 20.0
     settle_s: float = 20.0
+    trust_s: float = 45.0
+    settle_open_s: float = 120.0
     sigmas: float = 5.0
     floor_rad_s: float = 1.5 * RPM
     floor_pa: float = 0.1 * KPA
@@ -142,7 +148,7 @@ class Since:
     likely : something has probably jumped.
     certain : something has certainly jumped.
     natural : an air flow has jumped.
-    ahead : the explanation `leader` is ahead of the others.
+    ahead : an explanation by the unknown `leader` is ahead of the others.
     inconsistent : the innovations are.
     beyond_n, beyond_p : the estimate of the fault is beyond its threshold.
     """
@@ -168,16 +174,44 @@ class EnvelopeDecision:
         The observer's memory; accepted jumps move its estimate.
     rules : Rules
         The observer's; the random walk of an isolated fault is made faster in it.
+    is_open : bool
+        Whether parameters of the plant that are among the unknowns are estimated from the start.
+
+    Attributes
+    ----------
+    isolated : list of Isolated
+    since : Since
+    doubts : bool
+        Whether the plant seems to be another one than the design's, and `open_up` is to be called.
+    is_open : bool
+        Whether the plant's parameters are estimated.
     """
 
-    def __init__(self, limits: Limits, unknowns: tuple[Unknown, ...], flat: NDArray[np.float64], rules: Rules) -> None:
+    def __init__(
+        self,
+        limits: Limits,
+        unknowns: tuple[Unknown, ...],
+        flat: NDArray[np.float64],
+        rules: Rules,
+        is_open: bool = False,
+    ) -> None:
         self.limits, self._unknowns, self._flat, self._rules = limits, unknowns, flat, rules
         self._memory = memory_of(flat, len(unknowns), len(rules.jumping))
         self._variances = np.diagonal(self._memory.P)[N_STATES : N_STATES + NAMED]
         self._h, self._quiet_q = float(rules.constants[0]), rules.Q.copy()
-        self._reported = [unknowns[int(i)].reported for i in rules.jumping]
+        self._positions = [int(i) for i in rules.jumping]
+        self._reported = [unknowns[i].reported for i in self._positions]
         self.isolated: list[Isolated] = []
         self.since = Since()
+        self._may_open, self._time_s = len(unknowns) > len(UNKNOWNS), 0.0
+        self.doubts, self.is_open = False, is_open
+        self._set_drifts()
+
+    def open_up(self) -> None:
+        """Begin anew with the plant's parameters estimated."""
+        self.isolated.clear()
+        self.doubts, self.is_open = False, True
+        self._set_drifts()
 
     def step(self, time_s: float) -> Conclusion:
         """Conclude from what the observer says at this tick."""
@@ -191,7 +225,8 @@ class EnvelopeDecision:
             limits.sigmas * deviations[0] + limits.floor_rad_s,
             limits.sigmas * deviations[1] + limits.floor_pa,
         )
-        if scalars[TICKS] * self._h > limits.settle_s:
+        self._time_s = scalars[TICKS] * self._h
+        if self._time_s > (limits.settle_open_s if self.is_open else limits.settle_s):
             is_within = abs(values[0]) <= thresholds[0] and abs(values[1]) <= thresholds[1]
             if (
                 is_within
@@ -220,6 +255,8 @@ class EnvelopeDecision:
         if not self.isolated:
             onset_s = self.since.likely
             detected = time_s - self.since.certain >= self.limits.hold_unsure_s
+            if detected and self._is_early():
+                self.doubts, detected = True, False
             return Conclusion(thresholds, detected, None, math.nan, onset_s if detected else math.nan, math.nan, None)
         for one in self.isolated:
             if one.name == UNKNOWN:
@@ -227,6 +264,10 @@ class EnvelopeDecision:
         last, also = self.isolated[-1], self.isolated[0].name if len(self.isolated) > 1 else None
         size = float(self._memory.x[last.unknown])
         return Conclusion(thresholds, True, last.name, size, last.onset_s, last.isolated_s, also)
+
+    def _is_early(self) -> bool:
+        """Return whether what is seen would rather be another plant than a fault."""
+        return self._may_open and not self.is_open and self._time_s < self.limits.trust_s
 
     def _explain(self, time_s: float) -> None:
         """Accept the explanation that is ahead of the others."""
@@ -242,7 +283,8 @@ class EnvelopeDecision:
         ratios[ABRUPT] -= limits.onsets_malus
         best = max(ratios)
         top = ratios.index(best)
-        lead = best - max(ratios[:top] + ratios[top + 1 :])
+        unknown = self._positions[top]
+        lead = best - max(ratio for ratio, other in zip(ratios, self._positions, strict=True) if other != unknown)
         is_ahead = lead > max(limits.ahead, limits.ahead_share * best)
         reported = self._reported[top]
         if reported == NATURAL and lead > limits.ahead_natural:
@@ -256,18 +298,19 @@ class EnvelopeDecision:
             since.likely = time_s
         if not is_ahead:
             since.ahead = NOT
-        elif top != since.leader or since.ahead == NOT:
-            since.leader, since.ahead = top, time_s
+        elif unknown != since.leader or since.ahead == NOT:
+            since.leader, since.ahead = unknown, time_s
         onset_s = time_s - float(self._memory.age[int(self._memory.best[top])]) * self._h
         since.certain = min(since.certain, time_s) if here > limits.certain else NOT
-        is_plain = here > limits.plain and int(self._rules.jumping[top]) == 0
-        hold_s = limits.hold_s if is_plain else limits.hold_unsure_s
-        at_once = reported != UNKNOWN and lead > max(limits.at_once, limits.at_once_share * best)
+        is_plain = here > limits.plain and unknown == 0 and not self._rules.growing[top]
+        grows = bool(self._rules.growing[top])
+        hold_s = limits.hold_growing_s if grows else limits.hold_s if is_plain else limits.hold_unsure_s
+        at_once = reported != UNKNOWN and not grows and lead > max(limits.at_once, limits.at_once_share * best)
         ready_s = max(since.ahead + hold_s, -NOT if is_plain else since.natural + limits.after_natural_s)
         if at_once or time_s >= ready_s - 1.0e-9:
             stuck = self._rules.prior[top] < 0.0
             self._accept(top)
-            self._add(-1 if stuck else int(self._rules.jumping[top]), reported, onset_s, time_s)
+            self._add(-1 if stuck else unknown, reported, onset_s, time_s)
         elif time_s - since.certain >= limits.undecided_s:
             self._add(-1, UNKNOWN, onset_s, time_s)
 
@@ -276,7 +319,10 @@ class EnvelopeDecision:
         self.since.likely = self.since.certain = self.since.ahead = NOT
 
     def _add(self, unknown: int, name: str, onset_s: float, time_s: float) -> None:
-        """Isolate a fault, unless it is already."""
+        """Isolate a fault, unless it is already, or the plant is another one."""
+        if self._is_early():
+            self.doubts = True
+            return
         for one in self.isolated:
             if (one.unknown, one.name) == (unknown, name):
                 one.small_since = NOT
@@ -287,6 +333,8 @@ class EnvelopeDecision:
     def _set_drifts(self) -> None:
         """Let the estimates of the isolated faults follow them, and those of the others rest."""
         self._rules.Q[:] = self._quiet_q
+        if not self.is_open:
+            self._rules.Q[N_STATES + len(UNKNOWNS) :] = 0.0
         for one in self.isolated:
             if one.unknown >= 0:
                 row = self._unknowns[one.unknown]
@@ -349,7 +397,8 @@ class EnvelopeDecision:
 
     def state(self) -> dict[str, Any]:
         """Return what a decision that takes this one's place has to know, fit for JSON (inf included)."""
-        return {"isolated": [asdict(one) for one in self.isolated], "since": asdict(self.since)}
+        own = {"isolated": [asdict(one) for one in self.isolated], "since": asdict(self.since)}
+        return {**own, "is_open": self.is_open}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Take the place of the decision whose `state` this is.
@@ -360,8 +409,8 @@ class EnvelopeDecision:
             When it is none.
         """
         isolated = [Isolated(**one) for one in state["isolated"]]
-        since = Since(**state["since"])
+        since, is_open = Since(**state["since"]), bool(state["is_open"])
         if any(not -1 <= int(one.unknown) < len(self._unknowns) for one in isolated):
             raise ValueError("an isolated fault that is none of the unknowns")
-        self.isolated, self.since = isolated, since
+        self.isolated, self.since, self.is_open = isolated, since, is_open
         self._set_drifts()

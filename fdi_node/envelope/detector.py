@@ -22,10 +22,11 @@ from ac_plant_node.dynamics.balances import N_STATES
 from ac_plant_node.dynamics.drive import AIR_C, OPENING, SPEED
 from ac_plant_node.inputs import INPUT, N_HELD, N_INPUTS
 from ac_plant_node.properties.tables import REFRIGERANTS, load_tables
+from ac_plant_node.saturation import saturation_slope, saturation_temperature
 from fdi_node.detector import Detection
 from fdi_node.envelope import filter as kalman
 from fdi_node.envelope.decision import EnvelopeDecision, Limits
-from fdi_node.envelope.memory import NIS, Memory, Rules, memory_of, new_memory, packed, rules_in
+from fdi_node.envelope.memory import NIS, SLOPE, Memory, Rules, memory_of, new_memory, packed, rules_in
 from fdi_node.envelope.model import ENERGY, N_READINGS, READING_SCALE, STATE_SCALE
 from fdi_node.envelope.unknowns import PARAMETERS, UNKNOWNS, Unknown, table
 
@@ -35,6 +36,7 @@ Signal = Sequence[float] | Vector
 
 _CONDENSER_AIR_C = INPUT["condenser_air_inlet_temperature"]
 _TOLERANCE = 1.0e-4
+LEAST_PRESSURE_PA = 1.0e4
 JACOBIAN_S = 2.0
 """A Jacobian is renewed after this time at the latest."""
 _NEAR, _FAR = 0.05, 0.5
@@ -63,7 +65,11 @@ class EnvelopeDesign:
         By what share of its own rate a state may go elsewhere, for about a second.
     first, drift : ndarray, shape (m,)
         Of the unknowns, as `fdi_node.envelope.unknowns.Unknown`; m is the length of `UNKNOWNS`, or with the plant's
-        parameters estimated too that of `UNKNOWNS + PARAMETERS`. A first and a drift of 0: known.
+        parameters that may be off that of `UNKNOWNS + PARAMETERS`. A first and a drift of 0: known.
+    opened : float
+        1: parameters that may be off are estimated from the start; 0: when the plant turns out to be another one.
+    derived : float
+        Whether the superheat is derived from the measured pressure: 1 or 0.
     limits : ndarray
         The numbers of `fdi_node.envelope.decision.Limits`, in their order.
     sample_time_s : float
@@ -80,13 +86,15 @@ class EnvelopeDesign:
     rate_share: float
     first: Vector
     drift: Vector
+    opened: float
+    derived: float
     limits: Vector
     sample_time_s: float
 
     @classmethod
     def from_arrays(cls, arrays: Arrays) -> "EnvelopeDesign":
         """Return the design from the arrays that the cache stores."""
-        scalars = ("refrigerant", "rate_share", "sample_time_s")
+        scalars = ("refrigerant", "rate_share", "opened", "derived", "sample_time_s")
         values: dict[str, Any] = {name: np.ascontiguousarray(arrays[name]) for name in cls.__dataclass_fields__}
         return cls(**values | {name: float(arrays[name]) for name in scalars})
 
@@ -108,14 +116,17 @@ def rules_of(design: EnvelopeDesign) -> Rules:
     """Return what the compiled filter needs of a design."""
     rows = table(design.unknowns)
     scales = np.concatenate([STATE_SCALE, rows[:, 2]])
-    jumping = [i for i, one in enumerate(design.unknowns) if one.reported]
-    sizes = np.array([design.unknowns[i].jump for i in jumping]) / rows[jumping, 2]
+    jumps = [(i, one.jump) for i, one in enumerate(design.unknowns) if one.reported]
+    rates = [(i, one.rate) for i, one in enumerate(design.unknowns) if one.rate > 0.0]
+    jumping = [i for i, _ in jumps + rates]
+    sizes = np.array([size for _, size in jumps + rates]) / rows[jumping, 2]
     return Rules(
         rows=rows,
         Q=(np.concatenate([design.state_noise, design.drift]) / scales) ** 2,
         R=np.where(design.used > 0.5, (design.reading_std / READING_SCALE) ** 2, np.inf),
         jumping=np.array(jumping, dtype=np.float64),
         prior=np.where(sizes > 0.0, 1.0 / np.maximum(sizes, 1.0e-9) ** 2, -1.0),
+        growing=np.repeat([0.0, 1.0], [len(jumps), len(rates)]),
         nominal=np.ascontiguousarray(design.parameters),
         constants=np.array([design.sample_time_s, round(JACOBIAN_S / design.sample_time_s), design.rate_share]),
     )
@@ -138,7 +149,8 @@ class EnvelopeDetector:
         self.memory: Memory = memory_of(self._flat, m, q)
         self._told, self._reading = np.zeros(N_HELD), np.zeros(N_READINGS)
         self._begun = False
-        self._decision = EnvelopeDecision(Limits(*design.limits.tolist()), design.unknowns, self._flat, self.rules)
+        limits, is_open = Limits(*design.limits.tolist()), design.opened > 0.5
+        self._decision = EnvelopeDecision(limits, design.unknowns, self._flat, self.rules, is_open)
         self._shown = (-READING_SCALE * design.used).tolist()
 
     def _begin(self, reading: Vector, deviation: float) -> None:
@@ -155,6 +167,8 @@ class EnvelopeDetector:
         m.work[:] = integrator.new_work(design.start_states[start], _TOLERANCE)
         first = np.concatenate([np.full(N_STATES, deviation), design.first / self.rules.rows[:, 2]])
         first[ENERGY] = 0.0
+        if not self._decision.is_open:
+            first[N_STATES + len(UNKNOWNS) :] = 0.0
         for unknown, size in kept.items():
             m.x[unknown] = size
             first[N_STATES + unknown] = abs(design.unknowns[unknown].jump) / self.rules.rows[unknown, 2]
@@ -190,12 +204,28 @@ class EnvelopeDetector:
             reading[i] = value
         if not self._begun:
             self._begin(reading, _NEAR)
+        if self.design.derived > 0.5:
+            self._take_outlet_temperature()
         self._tell(air_inlet_temperature_c, condenser_air_inlet_temperature_c)
         kalman.observe(self._flat, self._packed, reading, self._told, self._tab)
         done = self._decision.step(time_s)
+        if self._decision.doubts:  # the plant is another one: from now on its parameters are estimated, too
+            self._decision.open_up()
+            self._begin(reading, _NEAR)
+            self._tell(air_inlet_temperature_c, condenser_air_inlet_temperature_c)
         (p, s, w, _), (scale_p, scale_s, scale_w, _) = m.e.tolist(), self._shown
         f_n, f_p, *_ = m.x.tolist()
         return Detection(Innovation(p * scale_p, s * scale_s, w * scale_w), (f_n, f_p), *done)
+
+    def _take_outlet_temperature(self) -> None:
+        """Read the superheat that the outlet temperature means at the pressure that is predicted.
+
+        Whatever the pressure's sensor is off by is then in one reading only.
+        """
+        predicted = max(float(self.memory.out[0]), LEAST_PRESSURE_PA)
+        measured = max(float(self._reading[0]), LEAST_PRESSURE_PA)
+        self._reading[1] += saturation_temperature(measured) - saturation_temperature(predicted)
+        self.memory.scalars[SLOPE] = saturation_slope(predicted)
 
     def commanded(self, command: Signal) -> None:
         """Close the tick with the command [rad/s, 0..1] that the controller has sent.

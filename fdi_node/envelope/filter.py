@@ -32,6 +32,7 @@ from fdi_node.envelope.memory import (
     LOST,
     NIS,
     OPENING_THEN,
+    SLOPE,
     SPEED_THEN,
     TICKS,
     ZETA_THEN,
@@ -45,6 +46,7 @@ from fdi_node.envelope.model import (
     HIGHEST,
     LOWEST,
     N_READINGS,
+    PARAMETER,
     PLACE,
     POSITION,
     READING,
@@ -93,13 +95,18 @@ def _renew_when_due(m: Memory, k: Work, rules: Rules, told: Array, tab: Tables) 
         for i in range(n):
             step[i] = max(STEP_SHARE * np.sqrt(max(m.P[i, i], 0.0)), LEAST_STEP)
             if i >= N_STATES and m.P[i, i] < KNOWN_STEP**2:
-                step[i] = KNOWN_STEP
+                known = rules.rows[i - N_STATES, PLACE] == PARAMETER and m.P[i, i] == 0.0
+                step[i] = 0.0 if known else KNOWN_STEP
         linearise(k, m.x, rules.rows, told, rules.nominal, m.par, tab, step, m.A, m.C)
         if not transition(k, m.A, rules.constants[0], m.F):  # a kink, as seen from afar
-            step[:] = KNOWN_STEP
+            step[step > 0.0] = KNOWN_STEP
             linearise(k, m.x, rules.rows, told, rules.nominal, m.par, tab, step, m.A, m.C)
             if not transition(k, m.A, rules.constants[0], m.F):
                 hold(m.F)
+        slope = scalars[SLOPE] * READING_SCALE[0] / READING_SCALE[1]
+        for j in range(n):
+            if j < N_STATES or int(rules.rows[j - N_STATES, PLACE]) != READING:
+                m.C[1, j] += slope * m.C[0, j]
         scalars[AGE], scalars[ZETA_THEN], scalars[SPEED_THEN], scalars[OPENING_THEN] = 0.0, zeta, speed, told[OPENING]
     scalars[AGE] += 1.0
     scalars[DOUBT] = 1.0 if k.aux[REGIME_E] != 0.0 else max(0.0, 1.0 - (1.0 - zeta) / SHORT_ZONE)

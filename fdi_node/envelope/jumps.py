@@ -1,4 +1,4 @@
-"""Likelihoods of jumps in what the observer estimates.
+"""Likelihoods of jumps in what the observer estimates, and of one that grows.
 
 Generalised likelihood ratios of Willsky & Jones (IEEE TAC 21(1), 1976, 108); the sensitivities are those of the bias
 filter in Friedland (IEEE TAC 14(4), 1969, 359). Had unknown h jumped by v when a window began, the filter's error would
@@ -7,9 +7,10 @@ be V_h v more and its innovation G_h v with G = C V, both by the filter's own re
     V <- V - K G,  V <- F V;    S <- S + G^2 / s,  d <- d + G f_e / s     (s: variance of f_e)
 
 so ``d_h^2 / S_h`` is twice the log-likelihood ratio of "h has jumped" to "nothing has", and ``d_h / S_h`` its size.
-What jumps has a prior variance, which adds its inverse to S. A valve that is stuck has no size to be found: its opening
-is off by what the command has done since, and the ratio is ``2 d - S``. A small jump of the pressure's sensor differs
-from a fault of the compressor by its first ticks, so for it every tick is a possible beginning.
+What jumps has a prior variance, which adds its inverse to S. A valve that is stuck has no size to be found: its
+opening is off by what the command has done since, and the ratio is ``2 d - S``. For a sensor that drifts v is the rate:
+V_h is 0 at first, and its own row gains a tick's share in each tick. A small jump of the pressure's sensor differs from
+a fault of the compressor by its first ticks, so for it every tick is a possible beginning.
 """
 
 import numpy as np
@@ -45,7 +46,7 @@ def _column(beginning: int, h: int, q: int) -> int:
 def _begin_column(m: Memory, rules: Rules, at: int, h: int) -> None:
     for i in range(m.V.shape[0]):
         m.V[i, at] = 0.0
-    if rules.prior[h] >= 0.0:
+    if rules.prior[h] >= 0.0 and rules.growing[h] == 0.0:
         m.V[N_STATES + int(rules.jumping[h]), at] = 1.0
     m.S[at] = m.d[at] = 0.0
 
@@ -144,6 +145,11 @@ def propagate(m: Memory, rules: Rules, opening: float) -> None:
     for i in range(N_STATES):
         for j in range(w):
             m.V[i, j] = D[i, j]
+    for h in range(q):
+        if rules.growing[h] != 0.0:
+            own = N_STATES + int(rules.jumping[h])
+            for window in range(N_WINDOWS):
+                m.V[own, window * q + h] += rules.constants[0]
 
 
 @jit

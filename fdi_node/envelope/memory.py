@@ -20,11 +20,12 @@ ABRUPT = 1
 N_BEGINNINGS = N_WINDOWS + N_ONSETS + 1
 N_PARAMETERS = len(NAMES)
 
-TICKS, LOST, AGE, ZETA_THEN, SPEED_THEN, OPENING_THEN, DOUBT, NIS, GATED, LARGEST = range(10)
+TICKS, LOST, AGE, ZETA_THEN, SPEED_THEN, OPENING_THEN, DOUBT, NIS, GATED, LARGEST, SLOPE = range(11)
 """Scalars: ticks observed; corrections that led outside the model's domain and were taken back; ticks since the last
 Jacobian, and zone length, speed, opening there; how short the superheated zone is (0..1); mean square of the white
-innovations; ticks for which readings have been gated; largest ratio of all jumps in all windows."""
-N_SCALARS = 10
+innovations; ticks for which readings have been gated; largest ratio of all jumps in all windows; K/Pa by which the
+reading of SH rises with p_e beside: dT_sat/dp where it is an outlet temperature, else 0."""
+N_SCALARS = 11
 
 
 class Rules(NamedTuple):
@@ -32,8 +33,9 @@ class Rules(NamedTuple):
 
     `rows` (m, 5): the unknowns; `Q` (n,): intensities of the process noise per second; `R` (4,): variances of the
     readings, inf for one that is not used, both in units of the scales; `jumping` (q,): positions of the unknowns that
-    may jump; `prior` (q,): inverse variances of their sizes, -1 for a valve that is stuck; `nominal`: the plant's
-    parameters; `constants` (3,): sample time, ticks between two Jacobians, share by which the model's rates may be off.
+    may jump; `prior` (q,): inverse variances of their sizes, -1 for a valve that is stuck; `growing` (q,): 1 for one
+    that grows, whose size is per second, 0 for one that jumps; `nominal`: the plant's parameters; `constants` (3,):
+    sample time, ticks between two Jacobians, share by which the model's rates may be off.
     """
 
     rows: Array
@@ -41,6 +43,7 @@ class Rules(NamedTuple):
     R: Array
     jumping: Array
     prior: Array
+    growing: Array
     nominal: Array
     constants: Array
 
@@ -61,8 +64,9 @@ def rules_in(flat: Array) -> Rules:
     c = b + N_READINGS
     d = c + q
     e = d + q
-    f = e + N_PARAMETERS
-    return Rules(flat[2:a].reshape(m, 5), flat[a:b], flat[b:c], flat[c:d], flat[d:e], flat[e:f], flat[f:])
+    f = e + q
+    g = f + N_PARAMETERS
+    return Rules(flat[2:a].reshape(m, 5), flat[a:b], flat[b:c], flat[c:d], flat[d:e], flat[e:f], flat[f:g], flat[g:])
 
 
 class Memory(NamedTuple):

@@ -145,14 +145,13 @@ def linearise(
         As `apply`.
     tab : Tables
     step : (12 + m,) array
-        Half the distance of the differences, in units of the scales.
+        Half the distance of the differences, in units of the scales; 0: the column stays zero.
     A, C : (12, 12 + m) and (4, 12 + m) arrays
         Results: rates per second, readings.
     """
-    m = rows.shape[0]
+    m, charge = rows.shape[0], k.memory[CHARGE]
     up, down, s = np.zeros(N_STATES), np.zeros(N_STATES), k.s
     out_up, out_down, moved = np.zeros(N_READINGS), np.zeros(N_READINGS), np.zeros(m)
-    charge = k.memory[CHARGE]
     A[:, :], C[:, :] = 0.0, 0.0
     _drive(k, x, rows, told, nominal, par)
     for i in range(N_STATES):
@@ -163,7 +162,7 @@ def linearise(
     co, outside_c = condenser_zones(s, k.drive, suction, par, tab, k.guess[1])
     base = Base(ev, suction, outside_e, co, outside_c)
     for j in range(N_STATES + m):
-        if j == ENERGY:
+        if j == ENERGY or step[j] == 0.0:
             continue
         u = j - N_STATES
         scale = STATE_SCALE[j] if u < 0 else rows[u, SCALE]

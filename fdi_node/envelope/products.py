@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ac_plant_node.dynamics.balances import N_STATES
 from fdi_node.envelope.compiled import Array, jit
-from fdi_node.envelope.model import ENERGY, PLACE, READING
+from fdi_node.envelope.model import ENERGY, PARAMETER, PLACE, READING
 
 _TERMS = 4
 Columns = NDArray[np.int64]
@@ -19,14 +19,16 @@ Columns = NDArray[np.int64]
 def terms(rows: Array, P: Array, all_of_them: bool) -> Columns:
     """Return the columns of the transition that count, as many as is a multiple of four.
 
-    Those of readings' errors are zero, and those of what is known exactly (`P`), unless `all_of_them`, meet zeros. They
+    Those of readings' errors are zero, and those of what is known exactly (`P`) meet zeros, unless it may jump and
+    `all_of_them` are wanted. They
     are filled up with `ENERGY`, whose column and row are zero.
     """
     n, count = P.shape[0], 0
     found = np.empty(n + _TERMS, dtype=np.int64)
     for i in range(n):
         counts = i != ENERGY and (i < N_STATES or rows[i - N_STATES, PLACE] != READING)
-        if counts and (all_of_them or P[i, i] != 0.0):
+        may_jump = i < N_STATES or rows[i - N_STATES, PLACE] != PARAMETER
+        if counts and ((all_of_them and may_jump) or P[i, i] != 0.0):
             found[count] = i
             count += 1
     while count % _TERMS != 0:

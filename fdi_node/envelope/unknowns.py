@@ -54,6 +54,8 @@ class Unknown(NamedTuple):
         What a jump of it is isolated as; `NATURAL`: nothing, jumps of it are no fault; empty: no jump is looked for.
     drift_after : float
         Intensity of its random walk once its fault is isolated.
+    rate : float
+        Standard deviation, per second, of the rate at which it may grow from some time on; 0: that is not looked for.
     """
 
     name: str
@@ -66,6 +68,7 @@ class Unknown(NamedTuple):
     jump: float = 0.0
     reported: str = ""
     drift_after: float = 0.0
+    rate: float = 0.0
 
 
 NATURAL = "natural"
@@ -89,8 +92,21 @@ UNKNOWNS = (
         80.0 * RPM,
         _SPEED,
         0.3 * RPM,
+        0.5 * RPM,
     ),
-    Unknown(_PRESSURE, Place.READING, 0, KPA, 0.02 * KPA, 5.0e-4 * KPA, _ANY, 10.0 * KPA, _PRESSURE, 0.02 * KPA),
+    Unknown(
+        _PRESSURE,
+        Place.READING,
+        0,
+        KPA,
+        0.02 * KPA,
+        5.0e-4 * KPA,
+        _ANY,
+        10.0 * KPA,
+        _PRESSURE,
+        0.02 * KPA,
+        0.05 * KPA,
+    ),
     Unknown("evaporator_air_flow", Place.FACTOR, _AIR, 0.1, 0.1, 0.02, (-1.5, 1.0), 0.4, NATURAL),
     Unknown("condenser_air_flow", Place.FACTOR, _FAN, 0.1, 0.1, 0.06, (-1.6, 1.0), 0.4, NATURAL),
     Unknown("superheat_sensor", Place.READING, 1, 1.0, 0.0, 0.0, _ANY, 5.0, UNKNOWN, 0.01),

@@ -1,0 +1,87 @@
+"""Plants that are others than the designs are for, and faults that come slowly."""
+
+import json
+
+import pytest
+
+from ac_common.errors import UserError
+from ac_common.units import KPA, RPM
+from ac_design.envelope import IF_NEEDED, KNOWN, design_envelope_fdi
+from ac_experiments.study.plants import plant_off_by
+from ac_plant_node import Plant
+from ac_plant_node.parameters.file import another_plant
+from fdi_node.envelope import EnvelopeDetector, Limits
+from fdi_node.envelope.memory import LARGEST, TICKS
+from fdi_node.envelope.unknowns import PARAMETERS, UNKNOWNS
+from tests.fdi_node.envelope.loops import H, Loop, design
+
+#: In standard deviations.
+OFF = {"displacement_m3_rev": 1.0, "valve_discharge_coefficient": -1.0, "charge_kg": 1.0}
+
+
+def on_another_plant(parameters: str = IF_NEEDED) -> Loop:
+    loop = Loop("med", parameters=parameters)
+    with another_plant(plant_off_by(OFF)):
+        loop.plant = Plant.at("med")
+    return loop
+
+
+def test_another_plant_is_no_fault_and_a_fault_of_it_is_found() -> None:
+    loop = on_another_plant()
+    assert not any(said.detected for said in loop.run(200.0))
+    assert loop.detector._decision.is_open
+    *_, said = loop.run(20.0, speed_fault=40.0 * RPM)
+    assert said.isolated == "compressor_speed"
+    assert said.size == pytest.approx(40.0 * RPM, rel=0.2)
+
+
+def test_it_is_a_fault_when_the_parameters_are_taken_for_known() -> None:
+    assert any(said.isolated for said in on_another_plant(parameters=KNOWN).run(60.0))
+
+
+def test_the_plant_of_the_design_stays_known() -> None:
+    loop = Loop("low", parameters=IF_NEEDED)
+    assert not any(said.detected for said in loop.run(60.0))
+    assert not loop.detector._decision.is_open
+    assert (loop.detector.memory.x[len(UNKNOWNS) :] == 0.0).all()
+
+
+def test_what_would_be_isolated_early_is_another_plant() -> None:
+    detector = EnvelopeDetector(design(parameters=IF_NEEDED))
+    at = detector.design.start_outputs[1]
+    detector.observe(0.0, at, 30.0, 30.0)
+    decision, m = detector._decision, detector.memory
+    m.scalars[TICKS] = round((Limits().trust_s - 5.0) / H)
+    for tick in range(10):
+        m.ratios[:] = 0.0
+        m.ratios[0] = m.scalars[LARGEST] = 500.0
+        assert decision.step(40.0 + H * tick).isolated is None
+    assert decision.doubts
+
+
+def test_one_that_takes_its_place_knows_of_the_other_plant() -> None:
+    loop = on_another_plant()
+    list(loop.run(60.0))
+    other = EnvelopeDetector(design(parameters=IF_NEEDED))
+    other.restore(json.loads(json.dumps(loop.detector.state())))
+    assert other._decision.is_open
+    assert (other.rules.Q == loop.detector.rules.Q).all()
+
+
+@pytest.mark.parametrize("point", ["low", "med", "high"])
+def test_a_sensor_that_drifts_is_named(point: str) -> None:
+    loop = Loop(point)
+    list(loop.run(60.0))
+    names = []
+    for tick in range(900):
+        said = loop.step(reading_fault=(min(5.0 * KPA * tick * H / 60.0, 5.0 * KPA), 0.0, 0.0, 0.0))
+        names += [said.isolated] if said.isolated and said.isolated not in names else []
+    assert names == ["evaporator_pressure"]
+    assert said.size == pytest.approx(5.0 * KPA, rel=0.05)
+
+
+def test_choices_of_parameters() -> None:
+    assert len(design(parameters=IF_NEEDED).first) == len(UNKNOWNS) + len(PARAMETERS)
+    assert len(design(parameters=KNOWN).first) == len(UNKNOWNS)
+    with pytest.raises(UserError, match="parameters 'guessed': allowed are known, if_needed, estimated"):
+        design_envelope_fdi(H, parameters="guessed")
