@@ -2,7 +2,7 @@
 
     python -m docs.tools.envelope_tables 10000 100            # drives 10000 to 10099, 2 processes
     python -m docs.tools.envelope_tables 10000 100 --rows rows.json
-    python -m docs.tools.envelope_tables 200 6 --plant-off 1 --estimate-parameters
+    python -m docs.tools.envelope_tables 200 6 --plant-off 1 --parameters estimated
 
 Each drive (`drive:SEED`) runs without a fault and with each of `FAULTS` from 900 s on, with accommodation and, where it
 is compared, with K0 alone. With ``--plant-off`` every drive has a plant of its own, each uncertain parameter of which
@@ -22,7 +22,7 @@ import numpy as np
 from scipy.stats import beta, chi2
 
 from ac_common.units import KPA, RPM
-from ac_design.envelope import design_envelope_fdi
+from ac_design.envelope import IF_NEEDED, PARAMETER_CHOICES, design_envelope_fdi
 from ac_experiments.designs import EnvelopeDesigns, designs_of
 from ac_experiments.metrics import summarise
 from ac_experiments.recording import Recording
@@ -80,14 +80,14 @@ def run_drive(
     design: str,
     faults: dict[str, tuple[dict[str, Any], bool]],
     off: int | None = None,
-    estimate_parameters: bool = False,
+    parameters: str = IF_NEEDED,
 ) -> dict[str, Any]:
     """Return the figures of one drive; `off`: seed of a plant that is another one than the designs are for."""
     base = load(f"drive:{seed}").model_copy(update={"design": design})
     designs = designs_of(base)
-    if estimate_parameters:
+    if parameters != IF_NEEDED:
         assert isinstance(designs, EnvelopeDesigns)
-        observer = design_envelope_fdi(base.sample_time_s, base.envelope_sensors, estimate_parameters=True)
+        observer = design_envelope_fdi(base.sample_time_s, base.envelope_sensors, parameters=parameters)
         designs = replace(designs, fdi=observer)
     other = None if off is None else plant_off((off, seed))
 
@@ -217,7 +217,7 @@ def main() -> None:
     parser.add_argument("--unmodelled", action="store_true")
     parser.add_argument("--rows", type=Path)
     parser.add_argument("--plant-off", type=int, metavar="SEED")
-    parser.add_argument("--estimate-parameters", action="store_true")
+    parser.add_argument("--parameters", choices=PARAMETER_CHOICES, default=IF_NEEDED)
     given = parser.parse_args()
     faults = UNMODELLED if given.unmodelled else FAULTS
     if given.plant_off is not None:  # the small ones cannot be told from what is off
@@ -229,7 +229,7 @@ def main() -> None:
             design=given.design,
             faults=faults,
             off=given.plant_off,
-            estimate_parameters=given.estimate_parameters,
+            parameters=given.parameters,
         )
         rows = list(pool.map(run, seeds))
     if given.rows:
