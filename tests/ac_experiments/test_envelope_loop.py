@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from ac_common.errors import UserError
+from ac_common.units import KPA
 from ac_experiments.scenario import check, load
 from ac_experiments.simulate import simulate
 from gimc_controller_node.reference_limits import TOO_DRY
@@ -62,3 +63,13 @@ def test_a_superheat_that_the_air_cannot_give_is_capped_and_said():
 def test_the_envelope_has_one_k0():
     with pytest.raises(UserError, match="controller: paper needs design: paper"):
         check({"name": "x", "duration_s": 10.0, "design": "envelope", "controller": "paper"})
+
+
+def test_a_fault_is_told_with_a_superheat_that_is_derived_from_the_faulty_pressure() -> None:
+    fault = {"kind": "evaporator_pressure", "size_kpa": 5.0, "onset_s": 60.0}
+    what = {"name": "derived", "duration_s": 120.0, "superheat_sensor": "derived", "faults": [fault]}
+    run = simulate(check(what))
+    assert {row.isolated for row in run.status} == {None, "evaporator_pressure"}
+    off = run.series["plant/evaporator_pressure"] - run.series["reference/evaporator_pressure"]
+    assert np.abs(off).max() < 0.5 * KPA
+    assert np.abs(run.series["fdi/residual/evaporator_pressure"][-100:] - 5.0 * KPA).max() < 0.2 * KPA
