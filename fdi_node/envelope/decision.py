@@ -70,8 +70,8 @@ class Limits:
     clear_s, settle_s : float
         How long a fault must be gone to be over; for how long after the start nothing is concluded.
     trust_s, settle_open_s : float
-        What would be isolated before the first is taken for a plant whose parameters are others, where the design says
-        that these may be estimated; then nothing is concluded for the second.
+        What seems to have begun before the first is taken for a plant whose parameters are others, where the design
+        says that these may be estimated; then nothing is concluded for the second.
     sigmas : float
         Thresholds of the named faults' estimates, in standard deviations of the filter,
     floor_rad_s, floor_pa : float
@@ -103,7 +103,7 @@ class Limits:
     undecided_s: float = 30.0
     clear_s: float = 20.0
     settle_s: float = 20.0
-    trust_s: float = 45.0
+    trust_s: float = 25.0
     settle_open_s: float = 120.0
     sigmas: float = 5.0
     floor_rad_s: float = 1.5 * RPM
@@ -255,7 +255,7 @@ class EnvelopeDecision:
         if not self.isolated:
             onset_s = self.since.likely
             detected = time_s - self.since.certain >= self.limits.hold_unsure_s
-            if detected and self._is_early():
+            if detected and self._is_early(onset_s, time_s):
                 self.doubts, detected = True, False
             return Conclusion(thresholds, detected, None, math.nan, onset_s if detected else math.nan, math.nan, None)
         for one in self.isolated:
@@ -265,9 +265,9 @@ class EnvelopeDecision:
         size = float(self._memory.x[last.unknown])
         return Conclusion(thresholds, True, last.name, size, last.onset_s, last.isolated_s, also)
 
-    def _is_early(self) -> bool:
-        """Return whether what is seen would rather be another plant than a fault."""
-        return self._may_open and not self.is_open and self._time_s < self.limits.trust_s
+    def _is_early(self, onset_s: float, time_s: float) -> bool:
+        """Return whether what has begun then would rather be another plant than a fault."""
+        return self._may_open and not self.is_open and self._time_s - (time_s - onset_s) < self.limits.trust_s
 
     def _explain(self, time_s: float) -> None:
         """Accept the explanation that is ahead of the others."""
@@ -320,7 +320,7 @@ class EnvelopeDecision:
 
     def _add(self, unknown: int, name: str, onset_s: float, time_s: float) -> None:
         """Isolate a fault, unless it is already, or the plant is another one."""
-        if self._is_early():
+        if self._is_early(onset_s, time_s):
             self.doubts = True
             return
         for one in self.isolated:

@@ -17,7 +17,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.clock, pytest.mark.slow, pytest.mark.
 
 ROOT = Path(__file__).parents[3]
 #: Nothing is looked for while the observer settles, s.
-SETTLED_S = 25.0
+SETTLED_S = 28.0
 
 
 @pytest.fixture(scope="module")

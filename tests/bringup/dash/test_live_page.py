@@ -29,7 +29,7 @@ from tests.live_browser import (
 
 expect.set_options(timeout=PATIENCE_S * 1e3)
 #: Nothing is looked for while the observer settles, s.
-SETTLED_S = 25.0
+SETTLED_S = 28.0
 
 pytestmark = [pytest.mark.ros, pytest.mark.clock, pytest.mark.slow, pytest.mark.timeout(2 * FIRST_TIME_S)]
 

@@ -28,7 +28,7 @@ pytestmark = pytest.mark.ros
 DRIVE = {
     "name": "short_drive",
     "design": "envelope",
-    "duration_s": 30.0,
+    "duration_s": 36.0,
     "references": {"superheat_k": [{"at_s": 1, "to": 12.0}]},
     "air": {
         "mass_flow_percent": [{"at_s": 2, "to": 25.0}],
@@ -36,8 +36,8 @@ DRIVE = {
         "condenser_inlet_temperature_k": [{"at_s": 1, "to": 3.0, "ramp_s": 10}],
     },
     "faults": [
-        {"kind": "compressor_speed", "size_rpm": 40, "onset_s": 4},
-        {"kind": "evaporator_pressure", "size_kpa": 5, "onset_s": 16},
+        {"kind": "compressor_speed", "size_rpm": 40, "onset_s": 27},
+        {"kind": "evaporator_pressure", "size_kpa": 5, "onset_s": 30},
     ],
     "noise": {
         "evaporator_pressure_kpa": 0.2,

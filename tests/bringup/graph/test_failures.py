@@ -214,6 +214,7 @@ def test_lockstep_that_stands_still_is_given_up_and_says_what_was_refused(
     broken = tmp_path / "broken.py"
     broken.write_text(BROKEN_FDI)
     said = r"the loop has stood still at tick 0 for 6 s; compensator refused 1 messages, the last: .*superheat.* finite"
+    scenario = scenario.model_copy(update={"design": "paper"})  # whose compensator reads innovations
     with pytest.raises(RunError, match=said):
         run_graph(scenario, tmp_path / "out", user=user_nodes([f"fdi={sys.executable} {broken}"]))
     assert not processes_that_mention(str(tmp_path))

@@ -37,6 +37,7 @@ def test_a_bench_is_known_by_its_topics_and_what_does_not_fit_is_named(monkeypat
         bench.create_publisher(FluidPressure, "/ac/plant/condenser_pressure", 10)
         bench.create_publisher(JointState, "/ac/plant/superheat", 10)
         bench.create_publisher(Temperature, "/ac/plant/air_inlet_temperature", 10)
+        bench.create_publisher(Temperature, "/ac/plant/condenser_air_inlet_temperature", 10)
         bench.create_publisher(Temperature, "/ac/plant/wall_temperature", qos_profile_sensor_data)
         wrong = [
             "/ac/plant/superheat: /lab/my_bench has type sensor_msgs/msg/JointState instead of "

@@ -18,7 +18,7 @@ FAULTY = {
     "name": "faulty",
     "design": "envelope",
     "duration_s": 42.0,
-    "faults": [{"kind": "evaporator_pressure", "size_kpa": 5, "onset_s": 23}],
+    "faults": [{"kind": "evaporator_pressure", "size_kpa": 5, "onset_s": 27}],
     "noise": {
         "evaporator_pressure_kpa": 0.2,
         "superheat_k": 0.1,

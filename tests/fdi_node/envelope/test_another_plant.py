@@ -51,12 +51,17 @@ def test_what_would_be_isolated_early_is_another_plant() -> None:
     at = detector.design.start_outputs[1]
     detector.observe(0.0, at, 30.0, 30.0)
     decision, m = detector._decision, detector.memory
-    m.scalars[TICKS] = round((Limits().trust_s - 5.0) / H)
-    for tick in range(10):
-        m.ratios[:] = 0.0
-        m.ratios[0] = m.scalars[LARGEST] = 500.0
-        assert decision.step(40.0 + H * tick).isolated is None
-    assert decision.doubts
+    for began_s, early in ((Limits().trust_s - 1.0, True), (Limits().trust_s + 1.0, False)):
+        decision.doubts = False
+        for tick in range(10):
+            m.scalars[TICKS] = round(began_s / H) + tick
+            m.age[:] = tick
+            m.ratios[:] = 0.0
+            m.ratios[0] = m.scalars[LARGEST] = 500.0
+            isolated = decision.step(100.0 + H * tick).isolated
+            if decision.doubts or isolated:
+                break
+        assert (decision.doubts, isolated) == (early, None if early else "compressor_speed")
 
 
 def test_one_that_takes_its_place_knows_of_the_other_plant() -> None:
