@@ -255,8 +255,8 @@ class EnvelopeDecision:
         if not self.isolated:
             onset_s = self.since.likely
             detected = time_s - self.since.certain >= self.limits.hold_unsure_s
-            if detected and self._is_early(onset_s, time_s):
-                self.doubts, detected = True, False
+            self.doubts = self.doubts or (detected and self._is_early(onset_s, time_s))
+            detected = detected and not self.doubts
             return Conclusion(thresholds, detected, None, math.nan, onset_s if detected else math.nan, math.nan, None)
         for one in self.isolated:
             if one.name == UNKNOWN:
@@ -283,7 +283,7 @@ class EnvelopeDecision:
         ratios[ABRUPT] -= limits.onsets_malus
         best = max(ratios)
         top = ratios.index(best)
-        unknown = self._positions[top]
+        unknown, grows = self._positions[top], bool(self._rules.growing[top])
         lead = best - max(ratio for ratio, other in zip(ratios, self._positions, strict=True) if other != unknown)
         is_ahead = lead > max(limits.ahead, limits.ahead_share * best)
         reported = self._reported[top]
@@ -302,8 +302,7 @@ class EnvelopeDecision:
             since.leader, since.ahead = unknown, time_s
         onset_s = time_s - float(self._memory.age[int(self._memory.best[top])]) * self._h
         since.certain = min(since.certain, time_s) if here > limits.certain else NOT
-        is_plain = here > limits.plain and unknown == 0 and not self._rules.growing[top]
-        grows = bool(self._rules.growing[top])
+        is_plain = here > limits.plain and unknown == 0 and not grows
         hold_s = limits.hold_growing_s if grows else limits.hold_s if is_plain else limits.hold_unsure_s
         at_once = reported != UNKNOWN and not grows and lead > max(limits.at_once, limits.at_once_share * best)
         ready_s = max(since.ahead + hold_s, -NOT if is_plain else since.natural + limits.after_natural_s)
@@ -397,8 +396,8 @@ class EnvelopeDecision:
 
     def state(self) -> dict[str, Any]:
         """Return what a decision that takes this one's place has to know, fit for JSON (inf included)."""
-        own = {"isolated": [asdict(one) for one in self.isolated], "since": asdict(self.since)}
-        return {**own, "is_open": self.is_open}
+        isolated, since = [asdict(one) for one in self.isolated], asdict(self.since)
+        return {"isolated": isolated, "since": since, "is_open": self.is_open}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Take the place of the decision whose `state` this is.
