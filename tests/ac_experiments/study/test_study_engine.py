@@ -18,7 +18,7 @@ from ac_experiments.study.results import RUNS, Store
 from ac_experiments.study.schema import load_study
 from tests.said import complaints
 
-RUNS_IN_ALL = 40
+RUNS_IN_ALL = 24
 STUDY = f"""
 scenario: actuator_fault
 set: {{duration_s: 40, noise.superheat_k: 0.05}}
