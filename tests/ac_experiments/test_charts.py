@@ -93,7 +93,7 @@ def test_a_step_is_no_ramp():
 
 @pytest.fixture
 def charts(recording_of: Make) -> list[Chart]:
-    return charts_of(recording_of(faults=[FAULT]))
+    return charts_of(recording_of(faults=[FAULT], design="paper"))
 
 
 def test_a_run_is_drawn_with_axes_units_and_what_the_marks_mean(charts: list[Chart]):

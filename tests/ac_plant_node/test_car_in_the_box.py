@@ -9,6 +9,7 @@ from ac_plant_node import POINTS
 from ac_plant_node.cabin import CabinState, Surroundings, cabin_energy, cabin_step
 from ac_plant_node.car import Car, cabin_at_start
 from ac_plant_node.inputs import FAULT_HIGH, FAULT_LOW, INPUT_HIGH, INPUT_LOW, N_FAULTS
+from ac_plant_node.properties.tables import load_tables
 
 #: Of the fields of `AirSide` and `CarSide`; a car has no use for those of `AirSide` that are results.
 AIR_LOW, AIR_HIGH = AirSide(0.02, 0.0, 0.0, 0.0, 0.0), AirSide(0.3, 0.0, 0.0, 50.0, 1.0)
@@ -82,6 +83,7 @@ def test_random_drives_stay_within_the_domain(seed: int) -> None:
 
 @pytest.mark.slow
 def test_random_drives_for_a_day() -> None:
+    highest = float(load_tables("R134a").grid[8])  # where the limiter has long ended the compressor's flow
     for seed in range(6, 54):
         low, high = drive(seed)
-        assert 0.28e6 < low[3] < high[3] < 3.45e6
+        assert 0.28e6 < low[3] < high[3] < highest

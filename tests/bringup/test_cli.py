@@ -56,7 +56,7 @@ def test_every_command_has_help_with_an_example():
     context = click.Context(cli)
     commands = {name: cli.get_command(context, name) for name in cli.list_commands(context)}
     folder = Path(bringup.commands.__file__).parent
-    helpers = {"__init__", "console", "options", "outcome", "foxglove_bridge", "topic_watch"}
+    helpers = {"__init__", "console", "extras", "options", "outcome", "foxglove_bridge", "topic_watch"}
     assert set(commands) == {module.stem for module in folder.glob("*.py")} - helpers
     for name, command in commands.items():
         assert command is not None
