@@ -149,8 +149,6 @@ LINES: dict[tuple[str, str], tuple[tuple[Place, ...], Place, str]] = {
     (CONTROLLER, FDI): (((440, 114), (440, 310), (620, 310), (620, 346)), (448, 303), "start"),
     (FDI, COMPENSATOR): (((580, 370), (460, 370)), (520, 412), "middle"),
     (COMPENSATOR, CONTROLLER): (((360, 346), (360, 114)), (352, 275), "end"),
-    (PLANT, FDI): (((940, 234), (940, 370), (740, 370)), (932, 362), "end"),
-    (PLANT, CONTROLLER): (((960, 186), (960, 52), (380, 52), (380, 66)), (668, 46), "middle"),
     (PLANT, SCENARIO): (((960, 234), (960, 440), (60, 440), (60, 234)), (520, 434), "middle"),
 }
 

@@ -37,7 +37,7 @@ def test_each_level_holds_those_before_it() -> None:
     assert runtime.items() < extra.items() < development.items()
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     extras = {
-        re.split(r"[<>=\[]", text)[0]
+        re.split(r"[<>=\[]", text)[0].lower()
         for texts in project["project"]["optional-dependencies"].values()
         for text in texts
     }

@@ -114,7 +114,8 @@ def spoiled_npz(data: bytes, rng: random.Random) -> bytes:
     elif action == 2:
         arrays[name] = np.full_like(array, rng.choice((np.nan, np.inf, 1e308)))
     elif action == 3:
-        arrays[name] = array.astype(rng.choice(("U8", "c16", "i8", "f4")))
+        kinds = ("U8", "S4") if array.dtype.kind == "U" else ("U8", "c16", "i8", "f4")  # words make no numbers
+        arrays[name] = array.astype(rng.choice(kinds))
     elif action == 4:
         arrays[name] = array.T[None] if rng.random() < 0.5 else array.ravel()
     elif action == 5:
