@@ -65,7 +65,7 @@ def test_what_the_bounds_are_for_is_there() -> None:
     alone = replace(designs.compensator, q_range=np.full(2, np.inf), reference_rest=np.empty(0))
     free = replace(designs, compensator=alone)
     unbounded = simulate(steps("low", 0.0, 5.0, duration_s=200.0), designs=free)
-    assert swing_rpm(unbounded) > 100.0
+    assert swing_rpm(unbounded, until_s=90.0) > 100.0  # until the protection has caught it
 
 
 @pytest.mark.parametrize(
@@ -142,7 +142,6 @@ def test_it_goes_out_over_its_fade_time_and_comes_back_after_a_quiet_while() -> 
     assert np.all(held(subject, 0.2, FIRST_WAIT_S - 1.0) == 0.0)
     assert held(subject, 0.2, FADE_S + 2.0)[-1] == LESS_GAIN
     assert not subject.outside
-    assert subject.on_probation
 
 
 def test_each_time_it_does_not_keep_well_it_stays_away_longer() -> None:
