@@ -120,7 +120,7 @@ def random_faults(rng):
 
 def discharge_k(plant):
     """Return the temperature of the gas that the compressor would deliver now."""
-    tab, p, h = load_tables(), plant.outputs.condenser_pressure_pa, plant._aux[H_DISCHARGE]
+    tab, p, h = plant._tab, plant.outputs.condenser_pressure_pa, plant._aux[H_DISCHARGE]
     sat = saturation(tab, p)
     return vapour(tab, p, sat.ln_p, h, sat.h_g, sat.h_g_p)[3] if h > sat.h_g else sat.t
 
@@ -141,7 +141,7 @@ def random_hour(seed, seconds=3600.0, faulty=False):
         for _ in range(int(hold)):
             y = plant.step(w, 1.0)
             o = plant.outputs
-            told = (o.air_outlet_temperature_c, o.cooling_power_w, o.condensed_water_kg_s, discharge_k(plant))
+            told = (o.air_outlet_temperature_c, o.cooling_power_w, o.condensed_water_kg_s, discharge_k(plant) if faulty else 0.0)
             rows.append((*y, *plant.state, *told))
         elapsed += hold
     table = np.array(rows)
