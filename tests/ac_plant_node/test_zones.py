@@ -141,7 +141,12 @@ def random_hour(seed, seconds=3600.0, faulty=False):
         for _ in range(int(hold)):
             y = plant.step(w, 1.0)
             o = plant.outputs
-            told = (o.air_outlet_temperature_c, o.cooling_power_w, o.condensed_water_kg_s, discharge_k(plant) if faulty else 0.0)
+            told = (
+                o.air_outlet_temperature_c,
+                o.cooling_power_w,
+                o.condensed_water_kg_s,
+                discharge_k(plant) if faulty else 0.0,
+            )
             rows.append((*y, *plant.state, *told))
         elapsed += hold
     table = np.array(rows)
