@@ -319,13 +319,13 @@ class EnvelopeDecision:
 
     def _add(self, unknown: int, name: str, onset_s: float, time_s: float) -> None:
         """Isolate a fault, unless it is already, or the plant is another one."""
-        if self._is_early(onset_s, time_s):
-            self.doubts = True
-            return
         for one in self.isolated:
             if (one.unknown, one.name) == (unknown, name):
                 one.small_since = NOT
                 return
+        if not self.isolated and self._is_early(onset_s, time_s):  # a plant with a fault has been trusted before
+            self.doubts = True
+            return
         self.isolated.append(Isolated(unknown, name, onset_s, time_s))
         self._set_drifts()
 

@@ -11,6 +11,7 @@ from ac_experiments.study.plants import plant_off_by
 from ac_plant_node import Plant
 from ac_plant_node.parameters.file import another_plant
 from fdi_node.envelope import EnvelopeDetector, Limits
+from fdi_node.envelope.decision import Isolated
 from fdi_node.envelope.memory import LARGEST, TICKS
 from fdi_node.envelope.unknowns import PARAMETERS, UNKNOWNS
 from tests.fdi_node.envelope.loops import H, Loop, design
@@ -46,22 +47,40 @@ def test_the_plant_of_the_design_stays_known() -> None:
     assert (loop.detector.memory.x[len(UNKNOWNS) :] == 0.0).all()
 
 
-def test_what_would_be_isolated_early_is_another_plant() -> None:
-    detector = EnvelopeDetector(design(parameters=IF_NEEDED))
-    at = detector.design.start_outputs[1]
-    detector.observe(0.0, at, 30.0, 30.0)
-    decision, m = detector._decision, detector.memory
-    for began_s, early in ((Limits().trust_s - 1.0, True), (Limits().trust_s + 1.0, False)):
-        decision.doubts = False
+class Story:
+    """A decision of an observer that began `seconds` ago, and is told that f_N has jumped since then."""
+
+    def __init__(self, seconds: float) -> None:
+        detector = EnvelopeDetector(design(parameters=IF_NEEDED))
+        detector.observe(0.0, detector.design.start_outputs[1], 30.0, 30.0)
+        self.decision, self._m, self._seconds = detector._decision, detector.memory, seconds
+
+    def isolated(self) -> str | None:
+        m, name = self._m, None
         for tick in range(10):
-            m.scalars[TICKS] = round(began_s / H) + tick
+            m.scalars[TICKS] = round(self._seconds / H) + tick
             m.age[:] = tick
             m.ratios[:] = 0.0
             m.ratios[0] = m.scalars[LARGEST] = 500.0
-            isolated = decision.step(100.0 + H * tick).isolated
-            if decision.doubts or isolated:
+            name = self.decision.step(100.0 + H * tick).isolated
+            if self.decision.doubts or name == "compressor_speed":
                 break
-        assert (decision.doubts, isolated) == (early, None if early else "compressor_speed")
+        return name
+
+
+def test_what_would_be_isolated_early_is_another_plant() -> None:
+    early, later = Story(Limits().trust_s - 1.0), Story(Limits().trust_s + 1.0)
+    assert early.isolated() is None
+    assert early.decision.doubts
+    assert later.isolated() == "compressor_speed"
+    assert not later.decision.doubts
+
+
+def test_a_plant_that_has_been_trusted_is_not_doubted_when_the_observer_begins_anew() -> None:
+    story = Story(Limits().trust_s - 1.0)
+    story.decision.isolated.append(Isolated(1, "evaporator_pressure", 60.0, 60.0))
+    assert story.isolated() == "compressor_speed"
+    assert not story.decision.doubts
 
 
 def test_one_that_takes_its_place_knows_of_the_other_plant() -> None:
