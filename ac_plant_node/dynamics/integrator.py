@@ -62,6 +62,8 @@ DEFAULT_TOLERANCE = 1.0e-5
 """Local error per step allowed, relative to `ERROR_SCALE`."""
 LEAST_CHARGE = 0.2
 """A leak ends when this share of the nominal charge is left, about what fills the heat exchangers with vapour."""
+LEAST_PRESSURE_PA = 101325.0
+"""A leak ends when the condenser's pressure is no higher than the atmosphere's."""
 FIRST_STEP_S = 0.1
 """Longest first step after a change of inputs: one control interval. An exponential one takes as long as the inputs
 before were held, if that is less."""
@@ -92,14 +94,15 @@ def _leaked(k: Work, after: float) -> float:
 
 
 @jit
-def _stop_leak(k: Work, par: Array, tab: Tables) -> int:
-    """End a leak at the start of a step when too little is left to leak; 0 or 1 as `rhs`."""
+def _stop_leak(k: Work, par: Array, tab: Tables, y: Array, rate: Array) -> int:
+    """End a leak at the start of a step when nothing is left to leak or to drive it out; 0 or 1 as `rhs`."""
     memory = k.memory
     left = memory[CHARGE] - memory[LEAK_RATE] * memory[T_LAST]
-    if memory[LEAK_RATE] == 0.0 or left > LEAST_CHARGE * par[_NOMINAL_CHARGE]:
+    leaks = left > LEAST_CHARGE * par[_NOMINAL_CHARGE] and k.aux_1[P_C] > LEAST_PRESSURE_PA
+    if memory[LEAK_RATE] == 0.0 or leaks:
         return 0
     memory[CHARGE], memory[LEAK_RATE], k.drive[LEAK] = left, 0.0, 0.0
-    return rates_of(k, memory[T_LAST], k.y0, k.f0, par, tab)
+    return rates_of(k, memory[T_LAST], y, rate, par, tab)
 
 
 @jit
@@ -136,16 +139,17 @@ def _restart(k: Work, par: Array, tab: Tables) -> int:
     memory[CHARGE] -= memory[LEAK_RATE] * memory[T_HELD]
     memory[LEAKED_J] = memory[LEAKED_NOW_J]
     set_drive(k.held, par, k.drive)
-    if memory[CHARGE] <= LEAST_CHARGE * par[_NOMINAL_CHARGE]:
-        k.drive[LEAK] = 0.0
     memory[LEAK_RATE] = k.drive[LEAK]
     for i in range(N_STATES):
         k.y0[i] = k.y1[i] = k.y[i]
+    memory[T_LAST] = 0.0
     status = rates_of(k, 0.0, k.y1, k.f1, par, tab)
     copy_into(k.aux, k.aux_1)
+    if status == 0:
+        status = _stop_leak(k, par, tab, k.y1, k.f1)
     memory[POWERS] = _powers(k.aux)
     memory[FIRST] = FIRST_STEP_S if memory[T_HELD] <= 0.0 else min(memory[T_HELD], FIRST_STEP_S)
-    memory[T_LAST] = memory[H_LAST] = memory[CLOCK_NS] = memory[T_HELD] = 0.0
+    memory[H_LAST] = memory[CLOCK_NS] = memory[T_HELD] = 0.0
     memory[H_NEXT] = min(memory[H_NEXT], FIRST_STEP_S)
     return status
 
@@ -193,7 +197,7 @@ def run(work: Array, par: Array, tab: Tables, inputs: Array, duration_s: float, 
         for i in range(N_STATES):
             k.y0[i] = k.y1[i]
             k.f0[i] = k.f1[i]
-        if _stop_leak(k, par, tab) != 0:
+        if _stop_leak(k, par, tab, k.y0, k.f0) != 0:
             return OUTSIDE
         first, memory[FIRST], memory[EXPONENTIAL] = memory[FIRST], 0.0, 0.0
         if not (first > 0.0 and exponential_step(k, first, par, tab)) and rosenbrock_step(k, par, tab) != 0:

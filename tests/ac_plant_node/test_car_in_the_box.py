@@ -8,6 +8,7 @@ from ac_common.units import RPM
 from ac_plant_node import POINTS
 from ac_plant_node.cabin import CabinState, Surroundings, cabin_energy, cabin_step
 from ac_plant_node.car import Car, cabin_at_start
+from ac_plant_node.dynamics.integrator import LEAST_PRESSURE_PA
 from ac_plant_node.inputs import FAULT_HIGH, FAULT_LOW, INPUT_HIGH, INPUT_LOW, N_FAULTS
 from ac_plant_node.properties.tables import load_tables
 
@@ -86,4 +87,4 @@ def test_random_drives_for_a_day() -> None:
     highest = float(load_tables("R134a").grid[8])  # where the limiter has long ended the compressor's flow
     for seed in range(6, 54):
         low, high = drive(seed)
-        assert 0.28e6 < low[3] < high[3] < highest
+        assert 0.9 * LEAST_PRESSURE_PA < low[3] < high[3] < highest  # a leak may empty a condenser that nothing feeds
