@@ -13,7 +13,7 @@ import numpy as np
 from CoolProp.HumidAirProp import HAPropsSI
 from numpy.typing import NDArray
 
-from ac_plant_node.dynamics import balances, linear_algebra, moist_air, transfer, zones
+from ac_plant_node.dynamics import balances, descriptor, linear_algebra, moist_air, transfer, zones
 from ac_plant_node.dynamics.drive import drive
 from ac_plant_node.parameters.file import load_parameters
 from ac_plant_node.parameters.values import Parameters
@@ -38,6 +38,7 @@ class CoolPropModel:
             **vars(moist_air),
             **vars(zones),
             **vars(transfer),
+            **vars(descriptor),
             **vars(balances),
         }
         for name, value in list(space.items()):

@@ -32,21 +32,14 @@ Zivi, ASME J. Heat Transfer 86 (1964) 247 (void fraction); McKinley & Alleyne, I
 (mean void fraction as a state while a zone is absent).
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
+from ac_plant_node.dynamics.descriptor import ZETA_FLOOR, solve_descriptor
 from ac_plant_node.dynamics.drive import ETA_S, G_C, G_E, T_AIR_C, T_AIR_E
-from ac_plant_node.dynamics.linear_algebra import solve
 from ac_plant_node.dynamics.transfer import (
-    CP_VAPOUR_J_KGK,
-    OUTLET_BAND_K,
-    TAU_MIXED_S,
-    TAU_OUTLET_S,
     Flows,
     Heat,
     Suction,
-    dry_outlet,
     flows,
     heat_flows,
     ramp,
@@ -59,7 +52,6 @@ from ac_plant_node.dynamics.zones import (
     condenser_at,
     evaporator_at,
     inventory,
-    outlet_targets,
     solve_condenser,
     solve_evaporator,
 )
@@ -86,198 +78,7 @@ N_AUX = 34
 _VE, _AE, _CE = INDEX["evaporator_volume_m3"], INDEX["evaporator_inner_area_m2"], INDEX["evaporator_wall_j_k"]
 _VC, _AC, _CC = INDEX["condenser_volume_m3"], INDEX["condenser_inner_area_m2"], INDEX["condenser_wall_j_k"]
 _ETAS = INDEX["isentropic_efficiency"]
-
-# Numerical regularisation, all of it in rows that carry neither mass nor energy.
-_ZETA_FLOOR = 0.02  # a vanishing zone answers as if it had at least this length
-_ZETA_RATE = 5.0  # 1/s: fastest relative change of the condenser's first zone
-_ZETA_C1_MAX = 0.9  # longest first zone of the condenser
 _TAU_WALL_S = 5.0  # lag with which the wall of an absent zone joins its neighbour's temperature
-_SUPERHEAT_FLOOR = 2.0e3  # J/kg: least mean superheat that the condenser's first zone is divided by
-
-
-class Side(NamedTuple):
-    """What else the balances of one heat exchanger need.
-
-    `volume`; `rho_rate`, `e_rate`: rates of mass and energy over volume; `target`: what the outlet's enthalpy tends to
-    while the single-phase zone before it is absent; `own`: 1, but for such a zone about to vanish; `inward`: whether
-    fluid flows into that zone.
-    """
-
-    volume: float
-    rho_rate: float
-    e_rate: float
-    target: float
-    own: float
-    inward: bool
-
-
-@jit
-def _evaporator_rows(z: Array, ev: Evaporator, flow: Flows, heat: Heat, h_e2: float, side: Side) -> None:
-    """Rows 0 (mass), 1 (energy), 2 (superheated zone) of the descriptor system."""
-    if ev.regime != 0:
-        z[0, 0] = ev.slope
-        z[0, 7] = side.e_rate - ev.slope_rho * side.rho_rate
-        z[1, 1] = 1.0
-        z[2, 2] = 1.0
-        z[2, 7] = (side.target - h_e2) / (TAU_OUTLET_S if ev.regime == 1 else TAU_MIXED_S)
-        if ev.regime == 2 and heat.fed > 0.0:
-            by_p, rate = dry_outlet(ev, heat, h_e2, side.volume, side.rho_rate, side.e_rate)
-            z[2, 0], z[2, 7] = heat.fed * by_p, (1.0 - heat.fed) * z[2, 7] + heat.fed * rate
-        return
-    sat, zeta_1, zeta_2 = ev.sat, ev.zeta, 1.0 - ev.zeta
-    z[0, 0] = zeta_1 * ev.rho_1_p + zeta_2 * ev.rho_2_p
-    z[0, 1] = ev.rho_1 - ev.rho_2
-    z[0, 2] = zeta_2 * ev.half * ev.rho_2_h
-    z[0, 6] = zeta_1 * (sat.rho_g - sat.rho_f) * ev.void_h
-    z[0, 7] = side.rho_rate
-    z[1, 0] = zeta_1 * ev.e_1_p + zeta_2 * ev.e_2_p - 1.0
-    z[1, 1] = ev.e_1 - ev.rho_2 * ev.h_2
-    z[1, 2] = zeta_2 * ev.half * (ev.rho_2 + ev.h_2 * ev.rho_2_h)
-    z[1, 6] = zeta_1 * (sat.rho_g * sat.h_g - sat.rho_f * sat.h_f) * ev.void_h
-    z[1, 7] = side.e_rate
-    over = ev.h_2 - sat.h_g if side.inward else 0.0
-    z[2, 0] = zeta_2 * (ev.rho_2 * ev.h_2_p + over * ev.rho_2_p - 1.0)
-    z[2, 1] = -over * ev.rho_2
-    z[2, 2] = max(zeta_2, _ZETA_FLOOR) * 0.5 * (ev.rho_2 + over * ev.rho_2_h)
-    z[2, 7] = (flow.m_c * (ev.h_2 - over - h_e2) + zeta_2 * heat.q_e2) / side.volume
-    # The linear profile must not carry the outlet below saturation, nor stay above every temperature around it. While
-    # the two-phase zone is being born the outlet may be as hot as ends its heat flow: pulled down, it would smother it.
-    spare = (1.0 - ramp(zeta_1 / _ZETA_FLOOR)) * OUTLET_BAND_K
-    z[2, 7] -= z[2, 2] * (min(h_e2 - sat.h_g, 0.0) + CP_VAPOUR_J_KGK * max(heat.excess - spare, 0.0)) / TAU_OUTLET_S
-    if side.own < 1.0:
-        pseudo = (ev.h_2 - h_e2) / TAU_MIXED_S if zeta_1 < 0.5 else (sat.h_g - h_e2) / TAU_OUTLET_S
-        z[2, 0], z[2, 1] = side.own * z[2, 0], side.own * z[2, 1]
-        z[2, 7] = side.own * z[2, 7] + (1.0 - side.own) * z[2, 2] * pseudo
-
-
-@jit
-def _condenser_rows(
-    z: Array,
-    co: Condenser,
-    flow: Flows,
-    heat: Heat,
-    zeta_3: float,
-    h_c3: float,
-    c_pe: float,
-    c_h2: float,
-    side: Side,
-) -> None:
-    """Rows 3 (mass), 4 (energy), 6 (subcooled zone); `c_pe`, `c_h2` are slopes of h_2 in p_e and h_e2."""
-    sat, zeta_1, zeta_2 = co.sat, co.zeta_1, co.zeta_2
-    if co.regime != 0:
-        if co.regime == 1:
-            by_h1 = zeta_1 * (co.rho_1 + (co.h_1 - co.slope_rho) * co.rho_1_h) * co.half_1
-            z[3, 0], z[3, 2] = by_h1 * c_pe, by_h1 * c_h2
-            z[3, 4] = co.e_1 - co.e_rest - co.slope_rho * (co.rho_1 - co.rho_rest)
-        z[3, 3] = co.slope
-        z[3, 7] = side.e_rate - co.slope_rho * side.rho_rate
-        z[4, 4], z[4, 5] = 1.0, 1.0
-        z[6, 6] = 1.0
-        z[6, 7] = (side.target - h_c3) / (TAU_OUTLET_S if co.regime == 1 else TAU_MIXED_S)
-        return
-    rho_h1 = zeta_1 * co.rho_1_h * co.half_1
-    e_h1 = zeta_1 * (co.rho_1 + co.h_1 * co.rho_1_h) * co.half_1
-    z[3, 0], z[3, 2] = rho_h1 * c_pe, rho_h1 * c_h2
-    z[3, 3] = zeta_1 * co.rho_1_p + zeta_2 * co.rho_2_p + zeta_3 * co.rho_3_p
-    z[3, 4], z[3, 5] = co.rho_1 - co.rho_3, co.rho_2 - co.rho_3
-    z[3, 6] = zeta_3 * co.rho_3_h * co.half_3
-    z[3, 7] = side.rho_rate
-    z[4, 0], z[4, 2] = e_h1 * c_pe, e_h1 * c_h2
-    z[4, 3] = zeta_1 * co.e_1_p + zeta_2 * co.e_2_p + zeta_3 * co.e_3_p - 1.0
-    z[4, 4], z[4, 5] = co.e_1 - co.e_3, co.e_2 - co.e_3
-    z[4, 6] = zeta_3 * (co.rho_3 + co.h_3 * co.rho_3_h) * co.half_3
-    z[4, 7] = side.e_rate
-    under = co.h_3 - sat.h_f if side.inward else 0.0
-    z[6, 3] = zeta_3 * (co.rho_3 * co.h_3_p + under * co.rho_3_p - 1.0)
-    z[6, 4], z[6, 5] = -under * co.rho_3, -under * co.rho_3
-    z[6, 6] = max(zeta_3, _ZETA_FLOOR) * 0.5 * (co.rho_3 + under * co.rho_3_h)
-    z[6, 7] = (flow.m_out * (co.h_3 - under - h_c3) + zeta_3 * heat.q_c3) / side.volume
-    if h_c3 > sat.h_f:
-        z[6, 7] += z[6, 6] * (sat.h_f - h_c3) / TAU_OUTLET_S
-    if side.own < 1.0:
-        for j in range(3, 6):
-            z[6, j] *= side.own
-        z[6, 7] = side.own * z[6, 7] + (1.0 - side.own) * z[6, 6] * (sat.h_f - h_c3) / TAU_OUTLET_S
-
-
-@jit
-def _first_zone_row(
-    z: Array,
-    co: Condenser,
-    flow: Flows,
-    heat: Heat,
-    c_pe: float,
-    c_h2: float,
-    limited: bool,
-    bound: float,
-    volume: float,
-) -> None:
-    """Row 5: the condenser's superheated zone, which gives the rate of zeta_c1."""
-    if co.regime == 2:
-        z[5, 4] = 1.0
-        z[5, 7] = -co.zeta_1 / TAU_MIXED_S  # vapour throughout: one well-mixed volume
-    elif limited:
-        z[5, 4] = 1.0
-        z[5, 7] = bound
-    else:
-        over = co.h_1 - co.sat.h_g
-        by_h1 = co.zeta_1 * (co.rho_1 + over * co.rho_1_h) * co.half_1
-        z[5, 0], z[5, 2] = by_h1 * c_pe, by_h1 * c_h2
-        z[5, 3] = co.zeta_1 * (co.rho_1 * co.h_1_p + over * co.rho_1_p - 1.0)
-        z[5, 4] = max(over, _SUPERHEAT_FLOOR) * co.rho_1
-        z[5, 7] = (flow.m_c * max(co.h_d - co.sat.h_g, 0.0) + co.zeta_1 * heat.q_c1) / volume
-
-
-@jit
-def _descriptor(
-    z: Array,
-    ev: Evaporator,
-    co: Condenser,
-    suction: Suction,
-    flow: Flows,
-    heat: Heat,
-    zeta_c3: float,
-    own_e: float,
-    own_c: float,
-    rates: tuple[float, float, float, float],
-    s: Array,
-    par: Array,
-) -> None:
-    """Solve the descriptor system for the rates of [p_e, zeta_e1, h_e2, p_c, zeta_c1, zeta_c2, h_c3] (column 7 of z).
-
-    Rows 2, 5, 6 (no mass, no energy in them) take what crosses a zone boundary from upwind, and keep the first zone of
-    the condenser from overrunning the others; both are decided by the solution, so it may take a second pass.
-    """
-    ve, vc = par[_VE], par[_VC]
-    c_pe = co.h_d_s * suction.s_p
-    c_h2 = co.h_d_s * suction.s_h + co.h_d_h
-    target_e, target_c = outlet_targets(ev, co)
-    inward_e, inward_c, limited, bound = True, True, False, 0.0
-    for _ in range(3):
-        z[:, :] = 0.0
-        side_e = Side(ve, rates[0] / ve, rates[1] / ve, target_e, own_e, inward_e)
-        side_c = Side(vc, rates[2] / vc, rates[3] / vc, target_c, own_c, inward_c)
-        _evaporator_rows(z, ev, flow, heat, s[2], side_e)
-        _condenser_rows(z, co, flow, heat, zeta_c3, s[8], c_pe, c_h2, side_c)
-        _first_zone_row(z, co, flow, heat, c_pe, c_h2, limited, bound, vc)
-        solve(z, 7)
-        again = False
-        if ev.regime == 0 and inward_e:
-            growth = (1.0 - ev.zeta) * (ev.rho_2_p * z[0, 7] + ev.half * ev.rho_2_h * z[2, 7]) - ev.rho_2 * z[1, 7]
-            if flow.m_c + ve * growth < 0.0:
-                inward_e, again = False, True
-        if co.regime == 0 and inward_c:
-            growth = zeta_c3 * (co.rho_3_p * z[3, 7] + co.half_3 * co.rho_3_h * z[6, 7])
-            if flow.m_out + vc * (growth - co.rho_3 * (z[4, 7] + z[5, 7])) < 0.0:
-                inward_c, again = False, True
-        if not limited and co.regime != 2:
-            bound = heat.wet_c * z[4, 7] - (1.0 - heat.wet_c) * co.zeta_1 / TAU_MIXED_S
-            bound = min(max(bound, -_ZETA_RATE * co.zeta_1), _ZETA_RATE * (co.zeta_2 - _ZETA_FLOOR))
-            bound = min(bound, _ZETA_RATE * (_ZETA_C1_MAX - co.zeta_1))
-            if bound != z[4, 7]:
-                limited, again = True, True
-        if not again:
-            break
 
 
 @jit
@@ -299,17 +100,17 @@ def _wall_rates(
     zeta_e2, d_e, d_1, d_3 = 1.0 - ev.zeta, s[4], s[10], s[11]
     up = upwind(dzeta_e, min(ev.zeta, zeta_e2))
     e_1 = (w[G_E] * (w[T_AIR_E] - heat.tw_e1) + heat.latent_1 - heat.q_e1) / par[_CE]
-    e_1 -= up * d_e * dzeta_e / max(ev.zeta, _ZETA_FLOOR)
+    e_1 -= up * d_e * dzeta_e / max(ev.zeta, ZETA_FLOOR)
     e_2 = (w[G_E] * (w[T_AIR_E] - heat.tw_e2) + heat.latent_2 - heat.q_e2) / par[_CE]
-    e_2 -= (1.0 - up) * d_e * dzeta_e / max(zeta_e2, _ZETA_FLOOR)
+    e_2 -= (1.0 - up) * d_e * dzeta_e / max(zeta_e2, ZETA_FLOOR)
     up_1, up_3 = upwind(dzeta_1, min(co.zeta_1, co.zeta_2)), upwind(dzeta_3, min(zeta_c3, co.zeta_2))
     c_1 = (w[G_C] * (w[T_AIR_C] - heat.tw_c1) - heat.q_c1) / par[_CC]
-    c_1 -= up_1 * d_1 * dzeta_1 / max(co.zeta_1, _ZETA_FLOOR)
+    c_1 -= up_1 * d_1 * dzeta_1 / max(co.zeta_1, ZETA_FLOOR)
     c_3 = (w[G_C] * (w[T_AIR_C] - heat.tw_c3) - heat.q_c3) / par[_CC]
-    c_3 -= up_3 * d_3 * dzeta_3 / max(zeta_c3, _ZETA_FLOOR)
+    c_3 -= up_3 * d_3 * dzeta_3 / max(zeta_c3, ZETA_FLOOR)
     c_2 = (w[G_C] * (w[T_AIR_C] - heat.tw_c2) - heat.q_c2) / par[_CC]
-    c_2 -= ((1.0 - up_1) * d_1 * dzeta_1 + (1.0 - up_3) * d_3 * dzeta_3) / max(co.zeta_2, _ZETA_FLOOR)
-    own_1 = ramp(co.zeta_1 / _ZETA_FLOOR)
+    c_2 -= ((1.0 - up_1) * d_1 * dzeta_1 + (1.0 - up_3) * d_3 * dzeta_3) / max(co.zeta_2, ZETA_FLOOR)
+    own_1 = ramp(co.zeta_1 / ZETA_FLOOR)
     ds[3] = (heat.air_e - heat.q_e) / par[_CE]
     ds[4] = own_e * (e_1 - e_2) - (1.0 - own_e) * d_e / _TAU_WALL_S
     ds[9] = (heat.air_c - heat.q_c) / par[_CC]
@@ -415,11 +216,11 @@ def balances(
     ds[0], ds[1] = flow.m_v - flow.m_c, flow.m_v * s[8] - flow.m_c * s[2] + heat.q_e
     ds[5], ds[6] = flow.m_c - flow.m_out, flow.m_c * co.h_d - flow.m_out * s[8] + heat.q_c
     # Zones shorter than the floor fade into the law of the regime next to theirs, so that rates are continuous.
-    wet, dry = ramp(ev.zeta / _ZETA_FLOOR), ramp((1.0 - ev.zeta) / _ZETA_FLOOR)
-    own_e, own_c = wet * dry, ramp(zeta_c3 / _ZETA_FLOOR)
+    wet, dry = ramp(ev.zeta / ZETA_FLOOR), ramp((1.0 - ev.zeta) / ZETA_FLOOR)
+    own_e, own_c = wet * dry, ramp(zeta_c3 / ZETA_FLOOR)
     # A feed that wets the inlet makes a two-phase zone of any length grow.
     row_e = own_e if wet == 1.0 else (wet + (1.0 - wet) * heat.fed) * dry
-    _descriptor(z, ev, co, suction, flow, heat, zeta_c3, row_e, own_c, (ds[0], ds[1], ds[5], ds[6]), s, par)
+    solve_descriptor(z, ev, co, suction, flow, heat, zeta_c3, row_e, own_c, (ds[0], ds[1], ds[5], ds[6]), s, par)
     ds[2], ds[7], ds[8] = z[2, 7], z[4, 7], z[6, 7]
     _wall_rates(z, ev, co, heat, zeta_c3, own_e, own_c, s, w, par, ds)
     _write_results(aux, ev, co, suction, flow, heat, zeta_c3, s, par)

@@ -9,6 +9,7 @@ from ac_plant_node.dynamics.balances import H_DISCHARGE, REGIME_C, REGIME_E
 from ac_plant_node.inputs import FAULTS, INPUT_HIGH, INPUT_LOW, TO_SI
 from ac_plant_node.properties.lookup import saturation, vapour
 from ac_plant_node.properties.tables import load_tables
+from bringup.benchmarks.plant_speed import random_holds
 
 
 class Ledger:
@@ -290,3 +291,23 @@ def test_a_shut_valve_leaves_the_evaporator_dry():
     plant, _ = dried_out(2000.0, 40.0, 0.17)
     plant.advance(600.0, valve_opening_percent=0.0)
     assert regimes(plant)[0] == 2
+
+
+@pytest.mark.parametrize("seed", [6, 16])
+def test_no_control_interval_takes_many_steps(seed):
+    """Hours of random inputs with slugs of liquid, and feeds into an evaporator that has been pumped down to 20 kPa."""
+    plant, most = Plant.at(POINTS[seed % 3]), 0.0
+    for w, ticks in random_holds(seed):
+        for _ in range(ticks):
+            before = plant.steps_tried
+            plant.step(w, 0.1)
+            most = max(most, plant.steps_tried - before)
+    assert most <= 30
+
+
+def test_zone_of_discharge_gas_does_not_grow_without_discharge():
+    """Out of round-off, while the compressor stands still and the condenser's air is warmer than its refrigerant."""
+    plant = Plant.at("med", 1.0e-8)
+    plant.step(np.array([0.0, 0.88, 0.05, 20.0, 0.2, 45.0, 0.5]), 120.0)
+    assert plant.outputs.compressor_power_w == 0.0
+    assert plant.state[5] < 1e-6
