@@ -34,9 +34,10 @@ Zivi, ASME J. Heat Transfer 86 (1964) 247 (void fraction); McKinley & Alleyne, I
 
 import numpy as np
 
-from ac_plant_node.dynamics.descriptor import ZETA_FLOOR, solve_descriptor
+from ac_plant_node.dynamics.descriptor import solve_descriptor
 from ac_plant_node.dynamics.drive import ETA_S, G_C, G_E, T_AIR_C, T_AIR_E
 from ac_plant_node.dynamics.transfer import (
+    ZETA_FLOOR,
     Flows,
     Heat,
     Suction,

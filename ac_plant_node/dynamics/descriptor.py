@@ -12,6 +12,7 @@ from ac_plant_node.dynamics.transfer import (
     OUTLET_BAND_K,
     TAU_MIXED_S,
     TAU_OUTLET_S,
+    ZETA_FLOOR,
     Flows,
     Heat,
     Suction,
@@ -25,8 +26,6 @@ from ac_plant_node.properties.compiled import Array, jit
 _VE, _VC = INDEX["evaporator_volume_m3"], INDEX["condenser_volume_m3"]
 
 # Numerical regularisation, all of it in rows that carry neither mass nor energy.
-ZETA_FLOOR = 0.02
-"""A vanishing zone answers as if it had at least this length."""
 _ZETA_RATE = 5.0  # 1/s: fastest relative change of the condenser's first zone
 _ZETA_C1_MAX = 0.9  # longest first zone of the condenser
 _SUPERHEAT_FLOOR = 2.0e3  # J/kg: least mean superheat that the condenser's first zone is divided by

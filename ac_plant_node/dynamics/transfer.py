@@ -36,11 +36,13 @@ _EV0, _EV1, _EV2 = INDEX["eta_v_offset"], INDEX["eta_v_pressure_ratio"], INDEX["
 _AV0, _AV1, _AV2 = INDEX["valve_area_0_m2"], INDEX["valve_area_1_m2"], INDEX["valve_area_2_m2"]
 _CD = INDEX["valve_discharge_coefficient"]
 
+ZETA_FLOOR = 0.02
+"""A vanishing zone answers as if it had at least this length."""
 TAU_OUTLET_S = 0.05  # lag of an outlet enthalpy whose zone is absent
 TAU_MIXED_S = 0.5  # lag with which a heat exchanger full of vapour becomes one well-mixed volume
 CP_VAPOUR_J_KGK = 1.0e3  # turns a temperature into an enthalpy where only the order of size matters
 OUTLET_BAND_K = 5.0  # over this span above the hottest surroundings the superheated zone's heat flow ends
-_THIN_KG_M3 = 10.0  # but over a longer one below it in vapour this thin, which would run through 5 K in a millisecond
+_THIN_KG_M3 = 10.0  # but over a longer one in vapour as thin as this, which would run through 5 K in a millisecond
 _WETTING_W = 100.0  # heat to evaporate the feed above which it wets the inlet in full: a few per cent of nominal
 _DRY_LIQUID = 0.02  # liquid volume fraction below which the boiling coefficient fades to that of vapour
 _DP_SMOOTH_PA = 2.0e3  # valve flow is linear in the pressure difference below this
@@ -201,7 +203,7 @@ def heat_flows(
     excess = ev.sat.t + superheat - max(w[T_AIR_E], tw_e1, tw_e2)
     taken = 1.0
     if ev.regime != 1 and q_e2 > 0.0:
-        longer = OUTLET_BAND_K * max(_THIN_KG_M3 / ev.rho_2 - 1.0, 0.0)
+        longer = ramp(ev.zeta / ZETA_FLOOR) * OUTLET_BAND_K * max(_THIN_KG_M3 / ev.rho_2 - 1.0, 0.0)
         taken -= (1.0 if ev.regime == 0 else fed) * ramp((excess + longer) / (OUTLET_BAND_K + longer))
         q_e2 *= taken
     q_c1 = par[_AC] * par[_CSH] * (tw_c1 - (co.t_2 if co.regime == 2 else co.t_1))
