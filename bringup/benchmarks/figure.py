@@ -10,19 +10,19 @@ class Figure:
     Attributes
     ----------
     ours, reference : measured in the same run of the benchmark; reference None where there is nothing to compare with.
-    bar : what the figure must reach ("at least" or "at most" is in `at_least`); None: for information.
+    limit : what the figure must reach ("at least" or "at most" is in `at_least`); None: for information.
     """
 
     name: str
     unit: str
     ours: float
-    bar: float | None = None
+    limit: float | None = None
     at_least: bool = False
     reference: float | None = None
 
     @property
     def passed(self) -> bool | None:
-        """Whether the bar is reached; None when there is none."""
-        if self.bar is None:
+        """Whether the limit is kept; None when there is none."""
+        if self.limit is None:
             return None
-        return self.ours >= self.bar if self.at_least else self.ours <= self.bar
+        return self.ours >= self.limit if self.at_least else self.ours <= self.limit

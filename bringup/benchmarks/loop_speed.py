@@ -20,9 +20,9 @@ from ac_plant_node import Plant
 SCENARIO = "both_faults"
 NOISE = "noise={evaporator_pressure_kpa: 0.2, superheat_k: 0.1, wall_temperature_k: 0.05}"
 DESIGNS = ("paper", "envelope")
-BAR_S = 0.5
+LIMIT_S = 0.5
 """Of the paper's loop without noise."""
-BAR_RATIO = 2.5
+LIMIT_RATIO = 2.5
 """Of a loop with noise over the plant alone."""
 
 
@@ -73,7 +73,7 @@ def main() -> None:
             print(f"1000 s of closed loop at 10 Hz, {what}: {loop:.3f} s")
             print(f"  the plant alone: {plant:.3f} s; all that is not the plant: {1e2 * (loop - plant):.1f} us a tick")
             print(f"  the loop over the plant alone: {loop / plant:.2f}")
-    print(f"bars: paper, noise-free {BAR_S:g} s; with noise {BAR_RATIO:g} times the plant alone")
+    print(f"limits: paper, noise-free {LIMIT_S:g} s; with noise {LIMIT_RATIO:g} times the plant alone")
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from ac_experiments.simulate import simulate
 from ac_plant_node import Plant
 from fdi_node.envelope import EnvelopeDesign, EnvelopeDetector
 
-BAR_RATIO, BAR_P99_MS = 1.5, 1.0
+LIMIT_RATIO, LIMIT_P99_MS = 1.5, 1.0
 Rows = list[list[float]]
 
 
@@ -98,7 +98,8 @@ def main() -> None:
     ratio = costs.observer_s / costs.plant_s
     print(f"drive:{seed}: observer {costs.observer_s:.3f} s, plant {costs.plant_s:.3f} s")
     print(
-        f"  ratio {ratio:.2f} (bar {BAR_RATIO:g}); p99 of a tick {costs.p99_ms:.3f} ms (bar {BAR_P99_MS:g}), ", end=""
+        f"  ratio {ratio:.2f} (limit {LIMIT_RATIO:g}); p99 of a tick {costs.p99_ms:.3f} ms (limit {LIMIT_P99_MS:g}), ",
+        end="",
     )
     print(f"longest {costs.longest_ms:.3f} ms")
 

@@ -46,10 +46,10 @@ def bench(realtime_s: float, ticks: int, as_json: bool) -> None:
     else:
         rows = []
         for figure in figures:
-            bar = "" if figure.bar is None else f"{'>=' if figure.at_least else '<='} {figure.bar:g}"
+            limit = "" if figure.limit is None else f"{'>=' if figure.at_least else '<='} {figure.limit:g}"
             beside = "" if figure.reference is None else f"{figure.reference:.4g}"
             verdict = {None: "", True: "ok", False: "missed"}[figure.passed]
-            rows.append([figure.name, f"{figure.ours:.4g} {figure.unit}", beside, bar, verdict])
+            rows.append([figure.name, f"{figure.ours:.4g} {figure.unit}", beside, limit, verdict])
         print_table(["", "ours", "beside", "limit", ""], rows)
     missed = [figure.name.strip() for figure in figures if figure.passed is False]
     if missed:

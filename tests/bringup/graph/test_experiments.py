@@ -1,4 +1,4 @@
-"""The paper's E5 and E6, with everything sooner, through the graph: as simulated, and the bars."""
+"""The paper's E5 and E6, with everything sooner, through the graph: as simulated, and within the required figures."""
 
 from pathlib import Path
 
