@@ -12,7 +12,7 @@ import uuid
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from ac_common.errors import RunError, UserError, one_line
 from ac_experiments.study.runs import Row
@@ -58,6 +58,18 @@ def columns_of(study: Study) -> dict[str, str]:
     """Return the columns of a study's rows with their types; what is drawn and no number is a text."""
     drawn = {f"drawn.{key}": "float64" if one.is_number else "string" for key, one in study.distributions.items()}
     return {**ABOUT, **drawn, **FIGURES, **(ALONE if study.k0_alone else {})}
+
+
+def _read(file: IO[bytes]) -> Any:
+    """Return the table of a Parquet file, read by this thread alone.
+
+    A thread of Arrow's that still holds a file of Python's when the interpreter ends aborts the process (Arrow's issue
+    34314).
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    return pq.ParquetFile(pa.BufferReader(file.read()), pre_buffer=False).read(use_threads=False)
 
 
 def _table(study: Study, rows: Sequence[Row]) -> Any:
@@ -210,7 +222,7 @@ class Store:
                 if last < following:
                     continue
                 with self._fs.open(self._at(f"{PARTS}/{name}"), "rb") as part:
-                    waiting.append(pq.read_table(part).slice(max(following - first, 0)))
+                    waiting.append(_read(part).slice(max(following - first, 0)))
                 following = last + 1
                 while sum(map(len, waiting)) >= GROUP:
                     together = pa.concat_tables(waiting).combine_chunks()
@@ -228,10 +240,8 @@ class Store:
         UserError
             When there are none: one line.
         """
-        import pyarrow.parquet as pq
-
         if not self.has(RUNS):
             msg = f"{self.url}: holds no {RUNS}; a study that was cut short is gone on with by `acftc study` --resume"
             raise UserError(msg)
         with self._fs.open(self._at(RUNS), "rb") as file:
-            return pq.read_table(file)
+            return _read(file)
