@@ -400,9 +400,15 @@ WITH_ENVELOPE: dict[str, tuple[str, ...]] = {
 }
 
 
-def topics_in(in_car: bool, design: str) -> tuple[Topic, ...]:
-    """Return the topics of a run, in a car or not, whose designs are those of "paper" or "envelope"."""
-    topics, others = (*TOPICS, *CAR) if in_car else TOPICS, {} if design == "paper" else WITH_ENVELOPE
+AIR_FLOW = "scenario/air"
+"""The blower's air flow, which the observer of `air_flow_sensor: blower` is told."""
+
+
+def topics_in(in_car: bool, design: str, air_flow_sensor: str = "none") -> tuple[Topic, ...]:
+    """Return the topics of a run: in a car or not, with designs "paper" or "envelope", the blower "none" or known."""
+    topics, others = (*TOPICS, *CAR) if in_car else TOPICS, {} if design == "paper" else dict(WITH_ENVELOPE)
+    if air_flow_sensor != "none":
+        others[AIR_FLOW] = (PLANT, FDI)
     return tuple(replace(topic, subscribers=others.get(topic.name, topic.subscribers)) for topic in topics)
 
 

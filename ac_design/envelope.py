@@ -20,6 +20,11 @@ SENSORS = ("p_e", "superheat", "T_w", "p_c")
 KNOWN, IF_NEEDED, ESTIMATED = PARAMETER_CHOICES = ("known", "if_needed", "estimated")
 """What of the plant's parameters: `design_envelope_fdi`."""
 
+NONE, BLOWER = AIR_FLOW_SENSORS = ("none", "blower")
+"""What is known of the air flow through the evaporator: `design_envelope_fdi`."""
+
+_BLOWER_FIRST, _BLOWER_DRIFT = 0.03, 0.002
+"""By what share the flow may be off what a known blower is told to give, and how fast that changes, per sqrt(s)."""
 _STATE_NOISE = 0.1 * np.array([1e-5, 5.0, 20.0, 0.003, 0.002, 0.0, 50.0, 2e-4, 20.0, 0.003, 0.002, 0.002])
 
 
@@ -50,6 +55,7 @@ def design_envelope_fdi(
     sensors: Sequence[str] = SENSORS,
     parameters: str = IF_NEEDED,
     superheat: str = "direct",
+    air_flow: str = "none",
     weights: EnvelopeWeights | None = None,
 ) -> EnvelopeDesign:
     """Return observer and decision over the whole envelope.
@@ -66,6 +72,9 @@ def design_envelope_fdi(
         small faults; or that only `IF_NEEDED`, when the plant turns out to be another one in the first minute.
     superheat : str
         "direct", or "derived" from an outlet temperature and the measured pressure.
+    air_flow : str
+        What is known of the air flow through the evaporator: "none", or "blower": its nominal flow is told, which the
+        true one follows within some per cent.
     weights : EnvelopeWeights, optional
 
     Raises
@@ -82,8 +91,17 @@ def design_envelope_fdi(
         raise UserError(f"parameters {parameters!r}: allowed are {', '.join(PARAMETER_CHOICES)}")
     weights = weights or EnvelopeWeights()
     plant, rests = load_parameters(), [operating_point(name) for name in POINTS]
+    if air_flow not in AIR_FLOW_SENSORS:
+        raise UserError(f"air flow sensor {air_flow!r}: allowed are {', '.join(AIR_FLOW_SENSORS)}")
     known = set() if "p_c" in sensors else {"condenser_air_flow"}
-    unknowns = UNKNOWNS + (PARAMETERS if parameters != KNOWN else ())
+    unknowns = [
+        one._replace(first=0.0, drift=0.0)
+        if one.name in known
+        else one._replace(first=_BLOWER_FIRST, drift=_BLOWER_DRIFT)
+        if one.name == "evaporator_air_flow" and air_flow == BLOWER
+        else one
+        for one in UNKNOWNS + (PARAMETERS if parameters != KNOWN else ())
+    ]
     return EnvelopeDesign(
         parameters=plant.array.copy(),
         refrigerant=float(REFRIGERANTS.index(plant.refrigerant)),
@@ -94,10 +112,11 @@ def design_envelope_fdi(
         reading_std=np.array(weights.reading_std),
         state_noise=np.array(weights.state_noise),
         rate_share=weights.rate_share,
-        first=np.array([0.0 if one.name in known else one.first for one in unknowns]),
-        drift=np.array([0.0 if one.name in known else one.drift for one in unknowns]),
+        first=np.array([one.first for one in unknowns]),
+        drift=np.array([one.drift for one in unknowns]),
         opened=float(parameters == ESTIMATED),
         derived=float(superheat == "derived"),
+        blower=float(air_flow == BLOWER),
         limits=np.array(astuple(weights.limits)),
         sample_time_s=sample_time_s,
     )

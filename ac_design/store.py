@@ -222,6 +222,7 @@ def envelope_design_of(
     sample_time_s: float,
     sensors: Sequence[str] | None = None,
     superheat: SuperheatSensor = "direct",
+    air_flow: str = "none",
 ) -> "EnvelopeDesign | EnvelopeCompensatorDesign | ControllerDesign":
     """Return the design of a node for the whole envelope.
 
@@ -237,6 +238,8 @@ def envelope_design_of(
         As in `ac_design.envelope.design_envelope_fdi`; left out: all.
     superheat : "direct" or "derived"
         How the superheat is measured.
+    air_flow : "none" or "blower"
+        What is known of the air flow through the evaporator.
 
     Raises
     ------
@@ -248,7 +251,7 @@ def envelope_design_of(
     from gimc_controller_node.envelope_compensator import EnvelopeCompensatorDesign
 
     if node == FDI:
-        return design_envelope_fdi(sample_time_s, sensors or SENSORS, superheat=superheat)
+        return design_envelope_fdi(sample_time_s, sensors or SENSORS, superheat=superheat, air_flow=air_flow)
     k0 = design_controller(point, sample_time_s, ENVELOPE_CONTROLLER)
     if node == CONTROLLER:
         return k0

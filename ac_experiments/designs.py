@@ -65,7 +65,11 @@ def _made(design: str, point: str, sample_time_s: float, options: dict[str, Any]
 def _options(scenario: Scenario) -> dict[str, Any]:
     """Return what a scenario says of its designs beside point and sample time."""
     if scenario.design == ENVELOPE:
-        return {"sensors": scenario.envelope_sensors, "superheat": scenario.superheat_sensor}
+        return {
+            "sensors": scenario.envelope_sensors,
+            "superheat": scenario.superheat_sensor,
+            "air_flow": scenario.air_flow_sensor,
+        }
     return {
         "sensors": scenario.design_sensors,
         "superheat": scenario.superheat_sensor,

@@ -296,6 +296,7 @@ class Scenario(Part):
     passive: bool = False
     sensors: Annotated[int | list[str], PlainValidator(SensorChoice())] = 4
     superheat_sensor: Literal["direct", "derived"] = "direct"
+    air_flow_sensor: Literal["none", "blower"] = "none"
     design: Literal["paper", "envelope"] = "envelope"
     controller: Annotated[str, AfterValidator(ControllerName())] = "tracking"
     references: References = References()
@@ -374,6 +375,13 @@ class Scenario(Part):
         if self.design == "envelope" and self.controller == "paper":
             msg = "controller: paper needs design: paper; design: envelope has one K0 of its own"
             raise ValueError(msg)
+        return self
+
+    @model_validator(mode="after")
+    def _observer_fits(self) -> "Scenario":
+        if self.design == "paper" and self.air_flow_sensor != "none":
+            msg = f"air_flow_sensor: {self.air_flow_sensor} needs design: envelope; the paper's detector is told no "
+            raise ValueError(msg + "air flow")
         return self
 
     @model_validator(mode="after")

@@ -110,7 +110,7 @@ def simulate(
     car = plan.car.tolist()
     started = time.perf_counter()
     for k, reference in enumerate(plan.reference):
-        values = loop.tick(times[k], reference, loop.stick(faults[k], stuck[k]), car[k])
+        values = loop.tick(times[k], reference, loop.stick(faults[k], stuck[k]), car[k], air[k])
         row.pack_into(made, k * row.size, *values)  # faster than an assignment
         try:
             loop.advance(air[k], car[k])
@@ -163,7 +163,7 @@ class _Loop:
         from ac_plant_node import Plant, operating_point
         from ac_plant_node.car import Car
         from fault_injector_node.injector import FaultInjector, components
-        from fdi_node.making import make_detector
+        from fdi_node.making import knows_air_flow, make_detector
         from gimc_controller_node.accommodation import make_compensator
         from gimc_controller_node.making import make_controller
         from gimc_controller_node.protection import limits_for
@@ -184,6 +184,7 @@ class _Loop:
         self._injector = FaultInjector(scenario.noise.std, scenario.noise.seed, scenario.superheat_sensor)
         self._detector, told = make_detector(designs.fdi)
         self._reads, self._reads_inlets = told.readings, told.inlets
+        self._reads_air = int(knows_air_flow(designs.fdi))
         self._compensator, kind = make_compensator(designs.compensator, accommodate)
         self._signal = attrgetter(kind.reads)
         self._controller = make_controller(
@@ -204,12 +205,18 @@ class _Loop:
         return self._injector.stick(self._outputs, self._inlets, faults, stuck)
 
     def tick(
-        self, time_s: float, reference: NDArray[np.float64], faults: Sequence[float], car: Sequence[float]
+        self,
+        time_s: float,
+        reference: NDArray[np.float64],
+        faults: Sequence[float],
+        car: Sequence[float],
+        air: Sequence[float],
     ) -> tuple[float, ...]:
         """Go around the loop once; return the values of `_MADE`, and with a car those of `CABIN_SERIES`."""
         outputs, actual_inlets = self._outputs, self._inlets
         measured, inlets = self._injector.measure(outputs, faults), self._injector.measure_inlets(actual_inlets, faults)
-        found = self._detector.observe(time_s, measured[: self._reads], *inlets[: self._reads_inlets])
+        known = (*inlets[: self._reads_inlets], *air[: self._reads_air])
+        found = self._detector.observe(time_s, measured[: self._reads], *known)
         q = self._compensator.step(
             self._signal(found), found.isolated, found.also_isolated, reference.tolist(), measured
         )

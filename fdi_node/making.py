@@ -6,6 +6,7 @@ from typing import Any, Protocol
 
 from ac_common.design_file import ENVELOPE, PAPER, DesignKind, kind_of
 from ac_common.signals import Inlets, Measurement, topics_of
+from ac_common.topics import AIR_FLOW
 from fdi_node.detector import Detection
 
 
@@ -14,11 +15,11 @@ class Detector(Protocol):
 
     @property
     def observe(self) -> Callable[..., Detection]:
-        """Called with the time [s], the readings and the inlet temperatures of a tick."""
+        """Called with the time [s], readings, inlet temperatures and, of a known blower, the air flow [kg/s]."""
 
     @property
     def warm_restart(self) -> Callable[..., None]:
-        """Called with readings, inlet temperatures, last command and missed ticks."""
+        """Called with readings, inlet temperatures, last command, missed ticks, and the air flow of a known blower."""
 
     def commanded(self, command: Any) -> None:
         """Close the tick with the command [rad/s, 0..1] that was sent."""
@@ -45,11 +46,15 @@ class DetectorKind(DesignKind):
     readings: int
     inlets: int
 
-    @property
-    def topics(self) -> tuple[str, ...]:
-        """Topics of what it is told, the readings first."""
+    def topics(self, design: Any) -> tuple[str, ...]:
+        """Return the topics of what it is told: readings, inlet temperatures, and the air flow of a known blower."""
         readings, inlets = topics_of("measured", Measurement), topics_of("measured", Inlets)
-        return (*readings[: self.readings], *inlets[: self.inlets])
+        return (*readings[: self.readings], *inlets[: self.inlets], *([AIR_FLOW] if knows_air_flow(design) else []))
+
+
+def knows_air_flow(design: Any) -> bool:
+    """Whether a detector is told the air flow through the evaporator."""
+    return bool(getattr(design, "blower", 0.0) > 0.5)
 
 
 KINDS = (

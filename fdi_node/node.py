@@ -43,18 +43,19 @@ class FdiNode(LoopNode):
 
     def configure(self) -> None:
         """Load the design."""
-        self._detector, kind = make_detector(self.design(KINDS))
-        self._readings = kind.readings
+        design = self.design(KINDS)
+        self._detector, kind = make_detector(design)
+        self._readings, self._inlets = kind.readings, kind.inlets
         self._joins = self.run_start_ns >= 0
         self._start_ns = self.run_start_ns if self._joins else None
         self._stuck = StuckSensor(MEASURED)
         self._last_command: Command | None = None
         self._sequencer = Sequencer(self._observe, self._close)
-        readings, inlets = kind.topics[: kind.readings], kind.topics[kind.readings :]
+        topics = kind.topics(design)
         self.on_tick(
-            kind.topics,
+            topics,
             self._measured,
-            holds_s={**dict.fromkeys(readings, HOLD_S), **dict.fromkeys(inlets, math.inf)},
+            holds_s={topic: HOLD_S if i < kind.readings else math.inf for i, topic in enumerate(topics)},
             patience=0.3,
         )
         self.on_tick(("controller/command",), self._commanded)
@@ -92,8 +93,9 @@ class FdiNode(LoopNode):
         if missed is not None and missed * self.sample_time_s >= AGE_S:
             missed = None  # straight lines over so long a time mean nothing
         if missed is None or missed > 0:
-            readings, inlets = values[: self._readings], values[self._readings :]
-            self._detector.warm_restart(readings, *inlets, self._last_command, missed)
+            readings, others = values[: self._readings], values[self._readings :]
+            inlets, air_flow = others[: self._inlets], others[self._inlets :]
+            self._detector.warm_restart(readings, *inlets, self._last_command, missed, *air_flow)
 
     def _observe(self, time_ns: int, *values: float) -> None:
         if self._start_ns is None:

@@ -45,7 +45,8 @@ def _designs(key: str) -> Any:
 
 def designs_for(scenario: Scenario) -> Any:
     """Return the designs of a scenario, those for the plant in use, whatever plant it is run with."""
-    keys = {"operating_point", "sample_time_s", "sensors", "superheat_sensor", "design", "controller"}
+    sensors = ("sensors", "superheat_sensor", "air_flow_sensor")
+    keys = ("operating_point", "sample_time_s", *sensors, "design", "controller")
     content = {key: getattr(scenario, key) for key in keys}
     car = {"compressor_drive": "belt"} if scenario.has_belt else None
     plain = Scenario.model_validate({"name": "designs", "duration_s": 1.0, "car": car, "passive": True, **content})

@@ -95,7 +95,8 @@ class PrivateGraph:
             write_designs_of(self._scenario, self._log)
             self._is_prepared.set()
             children, environment = self._starter.children, self._starter.environment
-            topics = topics_in(self._scenario.car is not None, self._scenario.design)
+            scenario = self._scenario
+            topics = topics_in(scenario.car is not None, scenario.design, scenario.air_flow_sensor)
             with Supervisor(
                 children, environment, revive=self._revive, is_over=self._ends.is_set, topics=topics
             ) as supervisor:

@@ -107,7 +107,7 @@ def run_graph(
             # The nodes' alone: the supervisor makes the other one that of this process.
             of_nodes = {**environment, **({AWAKE_VARIABLE: "1"} if idle else {})}
             starter = NodeStarter(parameters, out_dir / "log", of_nodes, user or UserNodes())
-            topics = topics_in(scenario.car is not None, scenario.design)
+            topics = topics_in(scenario.car is not None, scenario.design, scenario.air_flow_sensor)
             at_the_end.callback(_stop_nodes, starter.children)
             with _started(starter, environment, mode, domain, say, topics) as supervisor:
                 from bringup.launch.run_end import wait_until_done

@@ -53,7 +53,7 @@ def replay(
     if not same_plant(run.get("software", {})):
         msg = f"{bag}: recorded with the plant {run['software']['plant']}, in use is {plant()}; give it with --plant"
         raise UserError(msg)
-    topics = topics_in(scenario.car is not None, scenario.design)
+    topics = topics_in(scenario.car is not None, scenario.design, scenario.air_flow_sensor)
     ticks = by_tick(raw, node, topics)
     domain = Domain()
     try:

@@ -81,9 +81,10 @@ def run_drive(
     faults: dict[str, tuple[dict[str, Any], bool]],
     off: int | None = None,
     parameters: str = IF_NEEDED,
+    changes: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Return the figures of one drive; `off`: seed of a plant that is another one than the designs are for."""
-    base = load(f"drive:{seed}").model_copy(update={"design": design})
+    base = load(f"drive:{seed}", [f"design={design}", *changes])
     designs = designs_of(base)
     if parameters != IF_NEEDED:
         assert isinstance(designs, EnvelopeDesigns)
@@ -218,6 +219,7 @@ def main() -> None:
     parser.add_argument("--rows", type=Path)
     parser.add_argument("--plant-off", type=int, metavar="SEED")
     parser.add_argument("--parameters", choices=PARAMETER_CHOICES, default=IF_NEEDED)
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes")
     given = parser.parse_args()
     faults = UNMODELLED if given.unmodelled else FAULTS
     if given.plant_off is not None:  # the small ones cannot be told from what is off
@@ -230,6 +232,7 @@ def main() -> None:
             faults=faults,
             off=given.plant_off,
             parameters=given.parameters,
+            changes=given.changes,
         )
         rows = list(pool.map(run, seeds))
     if given.rows:

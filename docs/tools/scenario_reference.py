@@ -50,6 +50,8 @@ MEANING = {
     "The detector of `design: paper` has no use for p_c, K0's protection does; and without T_w K0 alone (`passive: "
     "true`)",
     "superheat_sensor": "direct: superheat is measured; derived: from an outlet thermocouple and the measured pressure",
+    "air_flow_sensor": "what the observer of `design: envelope` is told of the air flow through the evaporator: none; "
+    "blower: the flow that the blower is set to, which it takes for right within some per cent",
     "design": "envelope: one for all loads; paper: those of the operating point, after the paper. With a compressor on "
     "the belt there is only paper, and it is the default",
     "controller": "tracking: K0 holds both references; paper: K0 after the paper's passive case, which leaves SH "

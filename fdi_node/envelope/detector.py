@@ -34,7 +34,7 @@ Vector = NDArray[np.float64]
 #: A named signal, or an array of its values.
 Signal = Sequence[float] | Vector
 
-_CONDENSER_AIR_C = INPUT["condenser_air_inlet_temperature"]
+_AIR, _CONDENSER_AIR_C = INPUT["air_mass_flow"], INPUT["condenser_air_inlet_temperature"]
 _TOLERANCE = 1.0e-4
 LEAST_PRESSURE_PA = 1.0e4
 JACOBIAN_S = 2.0
@@ -70,6 +70,8 @@ class EnvelopeDesign:
         1: parameters that may be off are estimated from the start; 0: when the plant turns out to be another one.
     derived : float
         Whether the superheat is derived from the measured pressure: 1 or 0.
+    blower : float
+        Whether the observer is told the air flow through the evaporator: 1 or 0.
     limits : ndarray
         The numbers of `fdi_node.envelope.decision.Limits`, in their order.
     sample_time_s : float
@@ -88,13 +90,14 @@ class EnvelopeDesign:
     drift: Vector
     opened: float
     derived: float
+    blower: float
     limits: Vector
     sample_time_s: float
 
     @classmethod
     def from_arrays(cls, arrays: Arrays) -> "EnvelopeDesign":
         """Return the design from the arrays that the cache stores."""
-        scalars = ("refrigerant", "rate_share", "opened", "derived", "sample_time_s")
+        scalars = ("refrigerant", "rate_share", "opened", "derived", "blower", "sample_time_s")
         values: dict[str, Any] = {name: np.ascontiguousarray(arrays[name]) for name in cls.__dataclass_fields__}
         return cls(**values | {name: float(arrays[name]) for name in scalars})
 
@@ -108,7 +111,8 @@ class EnvelopeDesign:
         detector = EnvelopeDetector(self)
         at, inputs = self.start_outputs[0], self.start_inputs[0]
         for tick in range(2):
-            detector.observe(tick * self.sample_time_s, at, float(inputs[AIR_C]), float(inputs[_CONDENSER_AIR_C]))
+            air = (float(inputs[AIR_C]), float(inputs[_CONDENSER_AIR_C]), float(inputs[_AIR]))
+            detector.observe(tick * self.sample_time_s, at, *air)
             detector.commanded(inputs[:2])
 
 
@@ -187,6 +191,7 @@ class EnvelopeDetector:
         measured: Signal,
         air_inlet_temperature_c: float,
         condenser_air_inlet_temperature_c: float,
+        air_mass_flow_kg_s: float | None = None,
     ) -> Detection:
         """Return innovation, residuals and decision of this tick.
 
@@ -198,6 +203,8 @@ class EnvelopeDetector:
             Evaporator pressure [Pa], superheat [K], wall temperature [degC], condenser pressure [Pa]. Those that the
             design does not use may be anything finite.
         air_inlet_temperature_c, condenser_air_inlet_temperature_c : float
+        air_mass_flow_kg_s : float, optional
+            Through the evaporator, for a design whose `blower` is known; others have no use for it.
         """
         reading, m = self._reading, self.memory
         for i, value in enumerate(measured):
@@ -206,13 +213,13 @@ class EnvelopeDetector:
             self._begin(reading, _NEAR)
         if self.design.derived > 0.5:
             self._take_outlet_temperature()
-        self._tell(air_inlet_temperature_c, condenser_air_inlet_temperature_c)
+        self._tell(air_inlet_temperature_c, condenser_air_inlet_temperature_c, air_mass_flow_kg_s)
         kalman.observe(self._flat, self._packed, reading, self._told, self._tab)
         done = self._decision.step(time_s)
         if self._decision.doubts:  # the plant is another one: from now on its parameters are estimated, too
             self._decision.open_up()
             self._begin(reading, _NEAR)
-            self._tell(air_inlet_temperature_c, condenser_air_inlet_temperature_c)
+            self._tell(air_inlet_temperature_c, condenser_air_inlet_temperature_c, air_mass_flow_kg_s)
         (p, s, w, _), (scale_p, scale_s, scale_w, _) = m.e.tolist(), self._shown
         f_n, f_p, *_ = m.x.tolist()
         return Detection(Innovation(p * scale_p, s * scale_s, w * scale_w), (f_n, f_p), *done)
@@ -236,8 +243,10 @@ class EnvelopeDetector:
         if kalman.predict(self._flat, self._packed, self._told, self._tab) != 0:
             self._begin(self._reading, _FAR)  # no state near this one goes on inside the tables
 
-    def _tell(self, air_c: float, condenser_air_c: float) -> None:
+    def _tell(self, air_c: float, condenser_air_c: float, air_kg_s: float | None) -> None:
         self._told[AIR_C], self._told[_CONDENSER_AIR_C] = air_c, condenser_air_c
+        if air_kg_s is not None and self.design.blower > 0.5:
+            self._told[_AIR] = air_kg_s
 
     def warm_restart(
         self,
@@ -246,6 +255,7 @@ class EnvelopeDetector:
         condenser_air_inlet_temperature_c: float,
         command: Signal,
         missed_ticks: int | None = None,
+        air_mass_flow_kg_s: float | None = None,
     ) -> None:
         """Go over ticks that were missed, with what the plant is driven by moving in straight lines.
 
@@ -256,15 +266,22 @@ class EnvelopeDetector:
         if missed_ticks is None or not self._begun:
             self._begin(self._reading, _FAR)
             self._told[SPEED], self._told[OPENING] = command
-            self._tell(air_inlet_temperature_c, condenser_air_inlet_temperature_c)
+            self._tell(air_inlet_temperature_c, condenser_air_inlet_temperature_c, air_mass_flow_kg_s)
             return
-        start, end = self._told.copy(), self._told.copy()
-        end[SPEED], end[OPENING] = command
-        end[AIR_C], end[_CONDENSER_AIR_C] = air_inlet_temperature_c, condenser_air_inlet_temperature_c
+        start = self._told.copy()
+        self._told[SPEED], self._told[OPENING] = command
+        self._tell(air_inlet_temperature_c, condenser_air_inlet_temperature_c, air_mass_flow_kg_s)
+        end = self._told.copy()
         for tick in range(1, missed_ticks + 1):
             self._told[:] = start + (end - start) * (tick / (missed_ticks + 1))
             if kalman.predict(self._flat, self._packed, self._told, self._tab) != 0:
-                self.warm_restart(measured, air_inlet_temperature_c, condenser_air_inlet_temperature_c, command)
+                self.warm_restart(
+                    measured,
+                    air_inlet_temperature_c,
+                    condenser_air_inlet_temperature_c,
+                    command,
+                    air_mass_flow_kg_s=air_mass_flow_kg_s,
+                )
                 return
         self._decision.restart()
 

@@ -198,6 +198,8 @@ def test_the_design_is_that_of_the_envelope_where_nothing_is_said_but_for_the_pa
         ("sensors=[p_e, superheat, T_v]", ["sensors", "'T_v'", "did you mean 'T_w'"]),
         ("sensors=[p_e, T_w]", ["sensors", "lacks superheat"]),
         ("sensors=[p_e, superheat, p_e]", ["sensors", "twice"]),
+        ("air_flow_sensor=fan", ["air_flow_sensor", "'fan'", "blower"]),
+        ("air_flow_sensor=blower", ["air_flow_sensor: blower", "design: envelope"]),
         ("air.humidity_percent=[{at_s: 1, to: 101}]", ["air.humidity_percent", "101", "0 to 100"]),
         ("air.condenser_inlet_temperature_k=[{at_s: 1, to: 21}]", ["condenser_inlet_temperature_k", "-30 to 20"]),
         ("duration_s.x=1", ["duration_s", "nothing below"]),

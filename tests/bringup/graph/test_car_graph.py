@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ac_common.topics import CABIN_SERIES, CAR, CAR_SERIES, CONTROLLER, NAMESPACE, PLANT, SERIES
+from ac_common.topics import CABIN_SERIES, CAR, CAR_SERIES, CONTROLLER, FDI, NAMESPACE, PLANT, SERIES
 from ac_experiments.bags.reader import read_bag, read_raw
 from ac_experiments.scenario import check
 from ac_experiments.simulate import simulate
@@ -16,6 +16,8 @@ from bringup.launch.launch import GraphRun, run_graph
 from bringup.replay.replay import replay
 
 pytestmark = pytest.mark.ros
+
+FELT = "fdi/innovation/evaporator_pressure"
 
 #: Off and through a shift of gears, on the belt, under a blower that is turned up.
 CAR_ON_THE_BELT = {
@@ -65,14 +67,21 @@ def test_nodes_that_know_the_car_replay_alike(car: GraphRun, node: str) -> None:
     assert not result.different, result.differences
 
 
-def test_electric_compressor_in_a_soaked_car(tmp_path: Path) -> None:
-    content = {**CAR_ON_THE_BELT, "duration_s": 4.0}
-    content["car"] = {**CAR_ON_THE_BELT["car"], "compressor_drive": "electric", "cabin": "soaked"}  # type: ignore[dict-item]
-    recorded, simulated = read_bag(run_graph(check(content), tmp_path).bag), simulate(check(content))
+def test_electric_compressor_in_a_soaked_car_whose_blower_is_known(tmp_path: Path) -> None:
+    content = {**CAR_ON_THE_BELT, "duration_s": 4.0, "air_flow_sensor": "blower"}
+    more = {"compressor_drive": "electric", "cabin": "soaked", "blower_kg_s": [[0, 0.12], [2, 0.18]]}
+    content["car"] = {**CAR_ON_THE_BELT["car"], **more}  # type: ignore[dict-item]
+    run = run_graph(check(content), tmp_path)
+    recorded, simulated = read_bag(run.bag), simulate(check(content))
     for key, values in simulated.series.items():
         np.testing.assert_array_equal(recorded.series[key], values, err_msg=key)
     assert not simulated.series["scenario/car:belt_speed"].any()
     assert simulated.series["plant/car:cabin_air"][0] > 50.0
+    unknown = simulate(check({**content, "air_flow_sensor": "none"}))
+    assert not np.array_equal(unknown.series[FELT], simulated.series[FELT])
+    result = replay(run.bag, FDI)
+    assert result.ticks == 40
+    assert not result.different, result.differences
 
 
 def test_live_changes_of_what_is_a_result_in_a_car_are_refused() -> None:

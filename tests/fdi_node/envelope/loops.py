@@ -36,7 +36,7 @@ class Loop:
         o = self.plant.outputs
         outputs = (o.evaporator_pressure_pa, o.superheat_k, o.wall_temperature_c, o.condenser_pressure_pa)
         reading = np.array(outputs) + self._noise.normal(size=4) * NOISE + reading_fault
-        said = self.detector.observe(self.tick * H, reading, float(self.inputs[3]), float(self.inputs[5]))
+        said = self.detector.observe(self.tick * H, reading, *self.inputs[[3, 5, 2]].tolist())
         self.detector.commanded(self.command)
         self.inputs[:2] = self.command
         self.inputs[0] += speed_fault

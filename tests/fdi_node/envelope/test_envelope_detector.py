@@ -165,6 +165,19 @@ def test_the_papers_three_sensors_are_enough_for_large_faults() -> None:
     assert {said.isolated for said in loop.run(15.0, speed_fault=40.0 * RPM)} == {None, "compressor_speed"}
 
 
+def test_a_known_blower_needs_no_estimate() -> None:
+    """Of air that is turned down by a third nothing is left to explain, unless nobody tells."""
+    left = {}
+    for air_flow in ("none", "blower"):
+        loop = Loop("med", air_flow=air_flow)
+        list(loop.run(20.0))
+        loop.inputs[2] *= 0.67
+        assert not any(said.isolated for said in loop.run(60.0))
+        left[air_flow] = abs(loop.detector.memory.x[2])
+    assert left["blower"] < 0.01
+    assert left["none"] == pytest.approx(-np.log(0.67), abs=0.05)
+
+
 def test_a_design_travels_in_a_file(tmp_path: Path) -> None:
     file = tmp_path / "fdi.npz"
     file.write_bytes(to_bytes(design()))
@@ -179,6 +192,7 @@ def test_a_design_travels_in_a_file(tmp_path: Path) -> None:
         {"sensors": ("p_e",)},
         {"sensors": ("p_e", "superheat", "T_x")},
         {"sample_time_s": 1.0},
+        {"air_flow": "fan"},
     ],
 )
 def test_a_design_that_there_is_not_is_refused(wrong: dict[str, Any]) -> None:
