@@ -116,6 +116,10 @@ class Limits:
     largest_pa: float = 20.0 * KPA
 
 
+MOST_AT_ONCE = 2
+"""More faults than these at once are not told apart: whoever sees more has lost the plant."""
+
+
 class Conclusion(NamedTuple):
     """The last fields of `fdi_node.detector.Detection`, in their order."""
 
@@ -185,6 +189,8 @@ class EnvelopeDecision:
         Whether the plant seems to be another one than the design's, and `open_up` is to be called.
     is_open : bool
         Whether the plant's parameters are estimated.
+    is_lost : bool
+        Whether more seems to be off than can be told apart, so that the observer has to begin anew.
     """
 
     def __init__(
@@ -204,7 +210,7 @@ class EnvelopeDecision:
         self.isolated: list[Isolated] = []
         self.since = Since()
         self._may_open, self._time_s = len(unknowns) > len(UNKNOWNS), 0.0
-        self.doubts, self.is_open = False, is_open
+        self.doubts, self.is_open, self.is_lost = False, is_open, False
         self._set_drifts()
 
     def open_up(self) -> None:
@@ -327,6 +333,9 @@ class EnvelopeDecision:
             self.doubts = True
             return
         self.isolated.append(Isolated(unknown, name, onset_s, time_s))
+        if sum(one.unknown >= 0 for one in self.isolated) > MOST_AT_ONCE:
+            self.isolated[:] = [Isolated(-1, UNKNOWN, self.isolated[0].onset_s, time_s)]
+            self.is_lost = True
         self._set_drifts()
 
     def _set_drifts(self) -> None:
@@ -391,7 +400,7 @@ class EnvelopeDecision:
 
     def restart(self) -> None:
         """Go over a gap: what seemed likely before it is looked for anew."""
-        self.since = Since()
+        self.since, self.is_lost = Since(), False
         jumps.begin_all(self._memory, self._rules)
 
     def state(self) -> dict[str, Any]:

@@ -216,7 +216,10 @@ class EnvelopeDetector:
         self._tell(air_inlet_temperature_c, condenser_air_inlet_temperature_c, air_mass_flow_kg_s)
         kalman.observe(self._flat, self._packed, reading, self._told, self._tab)
         done = self._decision.step(time_s)
-        if self._decision.doubts:  # the plant is another one: from now on its parameters are estimated, too
+        if self._decision.is_lost:
+            self._begin(reading, _FAR)
+            self._tell(air_inlet_temperature_c, condenser_air_inlet_temperature_c, air_mass_flow_kg_s)
+        elif self._decision.doubts:  # the plant is another one: from now on its parameters are estimated, too
             self._decision.open_up()
             self._begin(reading, _NEAR)
             self._tell(air_inlet_temperature_c, condenser_air_inlet_temperature_c, air_mass_flow_kg_s)

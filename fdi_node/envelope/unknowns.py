@@ -5,7 +5,6 @@ says how fast it may wander, how uncertain it is when the observer begins, and w
 seen by a jump of it. A further unknown is a further row.
 """
 
-import math
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -76,7 +75,7 @@ STUCK = 0.0
 """In place of the size of a jump: since it, the input has stayed where it was."""
 
 _SPEED, _PRESSURE = ISOLABLE_KINDS
-_ANY = (-math.inf, math.inf)
+_KELVIN, _HEAD = (-30.0, 30.0), (-500.0 * KPA, 500.0 * KPA)
 _N = INPUT["compressor_speed"]
 _AIR, _FAN, _AIR_C = (INPUT[name] for name in ("air_mass_flow", "condenser_air_mass_flow", "air_inlet_temperature"))
 
@@ -88,7 +87,7 @@ UNKNOWNS = (
         40.0 * RPM,
         0.3 * RPM,
         0.01 * RPM,
-        _ANY,
+        (-400.0 * RPM, 400.0 * RPM),
         80.0 * RPM,
         _SPEED,
         0.3 * RPM,
@@ -101,7 +100,7 @@ UNKNOWNS = (
         KPA,
         0.02 * KPA,
         5.0e-4 * KPA,
-        _ANY,
+        (-60.0 * KPA, 60.0 * KPA),
         10.0 * KPA,
         _PRESSURE,
         0.02 * KPA,
@@ -109,11 +108,11 @@ UNKNOWNS = (
     ),
     Unknown("evaporator_air_flow", Place.FACTOR, _AIR, 0.1, 0.1, 0.02, (-1.5, 1.0), 0.4, NATURAL),
     Unknown("condenser_air_flow", Place.FACTOR, _FAN, 0.1, 0.1, 0.06, (-1.6, 1.0), 0.4, NATURAL),
-    Unknown("superheat_sensor", Place.READING, 1, 1.0, 0.0, 0.0, _ANY, 5.0, UNKNOWN, 0.01),
-    Unknown("wall_temperature_sensor", Place.READING, 2, 1.0, 0.0, 0.0, _ANY, 5.0, UNKNOWN, 0.01),
-    Unknown("condenser_pressure_sensor", Place.READING, 3, 10.0 * KPA, 0.0, 0.0, _ANY, 50.0 * KPA, UNKNOWN, 0.1 * KPA),
-    Unknown("air_inlet_sensor", Place.ADDED, _AIR_C, 1.0, 0.0, 0.0, _ANY, 5.0, UNKNOWN, 0.01),
-    Unknown("valve_stuck", Place.ADDED, INPUT["valve_opening"], 0.01, 0.0, 0.0, _ANY, STUCK, UNKNOWN),
+    Unknown("superheat_sensor", Place.READING, 1, 1.0, 0.0, 0.0, _KELVIN, 5.0, UNKNOWN, 0.01),
+    Unknown("wall_temperature_sensor", Place.READING, 2, 1.0, 0.0, 0.0, _KELVIN, 5.0, UNKNOWN, 0.01),
+    Unknown("condenser_pressure_sensor", Place.READING, 3, 10.0 * KPA, 0.0, 0.0, _HEAD, 50.0 * KPA, UNKNOWN, 0.1 * KPA),
+    Unknown("air_inlet_sensor", Place.ADDED, _AIR_C, 1.0, 0.0, 0.0, _KELVIN, 5.0, UNKNOWN, 0.01),
+    Unknown("valve_stuck", Place.ADDED, INPUT["valve_opening"], 0.01, 0.0, 0.0, (-1.0, 1.0), STUCK, UNKNOWN),
 )
 """The faults of `ac_common.faults.ISOLABLE` first, in their order; both air flows; and other faults that must not be
 taken for these."""
@@ -125,7 +124,15 @@ _PARAMETERS = (
 )  # fmt: skip
 
 PARAMETERS = tuple(
-    Unknown(name, Place.PARAMETER, -1 if name == "charge_kg" else INDEX[name], sigma, sigma, 0.01 * sigma, _ANY)
+    Unknown(
+        name,
+        Place.PARAMETER,
+        -1 if name == "charge_kg" else INDEX[name],
+        sigma,
+        sigma,
+        0.01 * sigma,
+        (-5.0 * sigma, 5.0 * sigma),
+    )
     for name, sigma in _PARAMETERS
 )
 """Parameters of the plant that may be off, with the standard deviation of each. They may wander a little: as constants
@@ -134,5 +141,5 @@ they would soon be believed more than a linearised filter can know them."""
 
 def table(unknowns: tuple[Unknown, ...]) -> NDArray[np.float64]:
     """Return the rows as the compiled code takes them, (m, 5): place, position, scale, lowest, highest."""
-    rows = [(u.place, u.position, u.scale, max(u.limits[0], -1.0e9), min(u.limits[1], 1.0e9)) for u in unknowns]
+    rows = [(u.place, u.position, u.scale, *u.limits) for u in unknowns]
     return np.array(rows, dtype=np.float64)
