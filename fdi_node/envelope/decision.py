@@ -409,16 +409,13 @@ class EnvelopeDecision:
         return {"isolated": isolated, "since": since, "is_open": self.is_open}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Take the place of the decision whose `state` this is.
-
-        Raises
-        ------
-        KeyError, TypeError, ValueError
-            When it is none.
-        """
-        isolated = [Isolated(**one) for one in state["isolated"]]
-        since, is_open = Since(**state["since"]), bool(state["is_open"])
-        if any(not -1 <= int(one.unknown) < len(self._unknowns) for one in isolated):
-            raise ValueError("an isolated fault that is none of the unknowns")
-        self.isolated, self.since, self.is_open = isolated, since, is_open
+        """Take the place of the decision whose `state` this is; `KeyError`, `TypeError`, `ValueError`: it is none."""
+        self.isolated, self.since, self.is_open = _restored(state, len(self._unknowns))
         self._set_drifts()
+
+
+def _restored(state: Mapping[str, Any], unknowns: int) -> tuple[list[Isolated], Since, bool]:
+    isolated = [Isolated(**one) for one in state["isolated"]]
+    if any(not -1 <= int(one.unknown) < unknowns for one in isolated):
+        raise ValueError("an isolated fault that is none of the unknowns")
+    return isolated, Since(**state["since"]), bool(state["is_open"])
