@@ -1,11 +1,17 @@
-"""Bounds on the performance of any sampled controller: how far p_e moves before a fault can be measured."""
+"""Bounds on the performance of any sampled controller: how far p_e moves before a fault can be measured.
+
+python -m ac_design.analysis.performance_bounds     # the table of docs/control.md: what a later isolation costs
+"""
+
+import math
 
 import control
 import numpy as np
 from scipy.optimize import linprog
 
-from ac_common.units import RPM
-from ac_plant_node import linearize
+from ac_common.sample_time import DEFAULT_SAMPLE_TIME_S
+from ac_common.units import KPA, RPM
+from ac_plant_node import POINTS, linearize
 from gimc.sampled import discretise
 from gimc_controller_node.command_limits import CommandLimits
 
@@ -39,8 +45,10 @@ def smallest_peak_pa(point: str, sample_time_s: float, size_rad_s: float) -> flo
     return abs(float((speed.C @ speed.B)[0, 0]) * size_rad_s)
 
 
-def attainable_peak_pa(point: str, sample_time_s: float, size_rad_s: float, ticks: int = 60) -> float:
-    """Return the least peak of |p_e - p_e,r| at the ticks, for commands that know the fault one tick later.
+def attainable_peak_pa(
+    point: str, sample_time_s: float, size_rad_s: float, ticks: int = 60, known_after: int = 1
+) -> float:
+    """Return the least peak of |p_e - p_e,r| at the ticks, for commands that know the fault some ticks later.
 
     It is the solution of a linear program over the commands of both actuators on the linear plant, within their rate
     limits. Where it equals `smallest_peak_pa`, that bound is sharp: a controller that recognises the fault in the first
@@ -52,6 +60,8 @@ def attainable_peak_pa(point: str, sample_time_s: float, size_rad_s: float, tick
         As in `smallest_peak_pa`.
     ticks : int
         How far the program looks.
+    known_after : int
+        How many ticks after the fault the commands know of it; those before are held.
 
     Returns
     -------
@@ -70,7 +80,7 @@ def attainable_peak_pa(point: str, sample_time_s: float, size_rad_s: float, tick
     unit, n = abs(held[0]), 2 * (ticks - 1)
     effect = np.zeros((ticks, n + 1))
     for row in range(ticks):
-        for column in range(row):
+        for column in range(known_after - 1, row):
             effect[row, 2 * column : 2 * column + 2] = (pulses[row - 1 - column] * stride / unit).ravel()
     peak, free = np.zeros((1, n + 1)), np.array(held) / unit
     peak[0, n] = 1.0
@@ -84,3 +94,21 @@ def attainable_peak_pa(point: str, sample_time_s: float, size_rad_s: float, tick
     if result.status != 0:
         raise RuntimeError(f"no least peak found at {point}: {result.message}")
     return float(result.fun) * unit
+
+
+def main() -> None:
+    """Print the least peak of p_e by when 40 rpm are known, and how often noise alone moves a reading as far."""
+    size, step_s, noise_pa = 40.0 * RPM, DEFAULT_SAMPLE_TIME_S, 0.2 * KPA
+    print("| known after, s | " + " | ".join(POINTS) + " |")
+    print("|---|" + "---|" * len(POINTS))
+    for ticks in range(1, 6):
+        peaks = [attainable_peak_pa(point, step_s, size, known_after=ticks) / KPA for point in POINTS]
+        print(f"| {ticks * step_s:.1f} | " + " | ".join(f"{peak:.2f} kPa" for peak in peaks) + " |")
+    moved = [smallest_peak_pa(point, step_s, size) / noise_pa for point in POINTS]
+    chances = [math.erfc(sigmas / math.sqrt(2.0)) * 3600.0 / step_s for sigmas in moved]
+    print("| moved in one tick, standard deviations of 0.2 kPa | " + " | ".join(f"{one:.1f}" for one in moved) + " |")
+    print("| ticks an hour in which noise does as much | " + " | ".join(f"{one:.0f}" for one in chances) + " |")
+
+
+if __name__ == "__main__":
+    main()

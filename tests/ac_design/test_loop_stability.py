@@ -1,5 +1,7 @@
 """Where a compensator is stable: theory, the linear loop's poles, and the paper's K0 beside ours."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -81,6 +83,15 @@ def test_at_10_hz_the_bound_is_what_commands_that_know_the_fault_attain(point: s
     bound, attained = (peak(point, 0.1, 40.0 * RPM) for peak in (smallest_peak_pa, attainable_peak_pa))
     assert attained == pytest.approx(bound, rel=1e-6)
     assert attained > 0.3 * KPA
+
+
+def test_who_knows_later_has_a_higher_peak() -> None:
+    """As the page has it; commands that are held until then cannot but let the fault have its way."""
+    peaks = [attainable_peak_pa("low", 0.1, 40.0 * RPM, known_after=ticks) / KPA for ticks in range(1, 6)]
+    assert peaks == sorted(peaks)
+    page = Path(__file__).parents[2].joinpath("docs", "control.md").read_text(encoding="utf-8")
+    for ticks, peak in enumerate(peaks, 1):
+        assert f"| {0.1 * ticks:.1f} | {peak:.2f} kPa |" in page
 
 
 def test_at_100_hz_the_actuators_rates_are_the_limit() -> None:
