@@ -116,6 +116,15 @@ def run_drive(
     return row
 
 
+def k0_ratios(seed: int) -> list[float]:
+    """Return integrals of absolute errors, p_e and SH, in a healthy drive with K0 alone, over those of the paper's K0.
+
+    The paper's is that of the operating point from which the drive starts.
+    """
+    ours, papers = (_iae(simulate(load(f"drive:{seed}", [f"design={one}"]), True)) for one in ("envelope", "paper"))
+    return [one / other for one, other in zip(ours, papers, strict=True)]
+
+
 def _peak(run: Recording) -> float:
     """Return the largest error of p_e from the onset on, kPa."""
     return float(np.abs(_errors(run)[0][run.time_s >= ONSET_S]).max())
@@ -220,11 +229,17 @@ def main() -> None:
     parser.add_argument("--plant-off", type=int, metavar="SEED")
     parser.add_argument("--parameters", choices=PARAMETER_CHOICES, default=IF_NEEDED)
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes")
+    parser.add_argument("--k0", action="store_true", help="K0 alone over K0 of the starting point, healthy drives only")
     given = parser.parse_args()
     faults = UNMODELLED if given.unmodelled else FAULTS
     if given.plant_off is not None:  # the small ones cannot be told from what is off
         faults = {name: fault for name, fault in faults.items() if fault[1]}
     seeds = range(given.first, given.first + given.count)
+    if given.k0:
+        with ProcessPoolExecutor(given.jobs) as pool:
+            p_e, sh = zip(*pool.map(k0_ratios, seeds), strict=True)
+        print(f"p_e: mean {np.mean(p_e):.2f}, worst {max(p_e):.2f}; SH: mean {np.mean(sh):.2f}, worst {max(sh):.2f}")
+        return
     with ProcessPoolExecutor(given.jobs) as pool:
         run = partial(
             run_drive,
