@@ -8,7 +8,7 @@ from ac_plant_node.compiled_sources import COMPILED_SOURCES
 
 __all__ = ["Array", "jit"]
 
-_MODULES = ("model", "transition", "memory", "products", "step", "jumps", "filter")
+_MODULES = ("model", "transition", "memory", "products", "step", "jumps", "filter", "quiet")
 _compile = compiler(*COMPILED_SOURCES, *(f"fdi_node.envelope.{name}" for name in _MODULES))
 
 

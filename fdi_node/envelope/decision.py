@@ -29,13 +29,22 @@ from ac_common.units import KPA, RPM
 from ac_plant_node.dynamics.balances import N_STATES
 from fdi_node.envelope import filter as kalman
 from fdi_node.envelope import jumps
-from fdi_node.envelope.memory import ABRUPT, LARGEST, NIS, TICKS, Rules, memory_of
+from fdi_node.envelope.memory import ABRUPT, LARGEST, NIS, TICKS, memory_of, rules_in
+from fdi_node.envelope.quiet import (
+    FLOORS,
+    INCONSISTENT,
+    N_ASKED,
+    NAMED,
+    NATURAL_RATIO,
+    SETTLE_S,
+    SIGMAS,
+    UNITS,
+    is_quiet,
+)
 from fdi_node.envelope.unknowns import NATURAL, UNKNOWNS, Unknown
 
 NOT = math.inf
 """Time since when something holds that does not hold."""
-NAMED = 2
-"""The first so many unknowns are the faults of `ac_common.faults.ISOLABLE`."""
 
 
 @dataclass(frozen=True)
@@ -176,8 +185,8 @@ class EnvelopeDecision:
     unknowns : tuple of Unknown
     flat : ndarray
         The observer's memory; accepted jumps move its estimate.
-    rules : Rules
-        The observer's; the random walk of an isolated fault is made faster in it.
+    packed : ndarray
+        The observer's rules; the random walk of an isolated fault is made faster in them.
     is_open : bool
         Whether parameters of the plant that are among the unknowns are estimated from the start.
 
@@ -185,6 +194,8 @@ class EnvelopeDecision:
     ----------
     isolated : list of Isolated
     since : Since
+    asked, thresholds : ndarray
+        What `fdi_node.envelope.quiet.is_quiet` is asked, and the thresholds that it finds.
     doubts : bool
         Whether the plant seems to be another one than the design's, and `open_up` is to be called.
     is_open : bool
@@ -198,12 +209,17 @@ class EnvelopeDecision:
         limits: Limits,
         unknowns: tuple[Unknown, ...],
         flat: NDArray[np.float64],
-        rules: Rules,
+        packed: NDArray[np.float64],
         is_open: bool = False,
     ) -> None:
-        self.limits, self._unknowns, self._flat, self._rules = limits, unknowns, flat, rules
+        self.limits, self._unknowns, self._flat, self._packed = limits, unknowns, flat, packed
+        rules = self._rules = rules_in(packed)
         self._memory = memory_of(flat, len(unknowns), len(rules.jumping))
-        self._variances = np.diagonal(self._memory.P)[N_STATES : N_STATES + NAMED]
+        self.thresholds, asked = np.zeros(NAMED), np.zeros(N_ASKED)
+        asked[SIGMAS], asked[NATURAL_RATIO], asked[INCONSISTENT] = limits.sigmas, limits.natural, limits.inconsistent
+        asked[FLOORS : FLOORS + NAMED] = limits.floor_rad_s, limits.floor_pa
+        asked[UNITS : UNITS + NAMED] = [one.scale for one in unknowns[:NAMED]]
+        self.asked = asked
         self._h, self._quiet_q = float(rules.constants[0]), rules.Q.copy()
         self._positions = [int(i) for i in rules.jumping]
         self._reported = [unknowns[i].reported for i in self._positions]
@@ -221,36 +237,26 @@ class EnvelopeDecision:
 
     def step(self, time_s: float) -> Conclusion:
         """Conclude from what the observer says at this tick."""
-        limits, m = self.limits, self._memory
-        scalars, values = m.scalars.tolist(), m.x.tolist()
-        deviations = [
-            math.sqrt(max(variance, 0.0)) * one.scale
-            for variance, one in zip(self._variances.tolist(), self._unknowns, strict=False)
-        ]
-        thresholds = (
-            limits.sigmas * deviations[0] + limits.floor_rad_s,
-            limits.sigmas * deviations[1] + limits.floor_pa,
-        )
-        self._time_s = scalars[TICKS] * self._h
-        if self._time_s > (limits.settle_open_s if self.is_open else limits.settle_s):
-            is_within = abs(values[0]) <= thresholds[0] and abs(values[1]) <= thresholds[1]
-            if (
-                is_within
-                and scalars[LARGEST] < limits.natural
-                and scalars[NIS] < limits.inconsistent
-                and not self.isolated
-            ):  # nothing to look at, as in most ticks
-                since = self.since
-                since.likely = since.certain = since.ahead = since.inconsistent = since.beyond_n = since.beyond_p = NOT
-                return Conclusion(thresholds, False, None, math.nan, math.nan, math.nan, None)
+        quiet = is_quiet(self._flat, self._packed, self.asked, self.thresholds)
+        thresholds: tuple[float, ...] = tuple(self.thresholds.tolist())
+        if quiet and not self.isolated:  # nothing to look at, as in most ticks
+            self.rest()
+            return Conclusion(thresholds, False, None, math.nan, math.nan, math.nan, None)
+        self._time_s = float(self._memory.scalars[TICKS]) * self._h
+        if self._time_s > self.asked[SETTLE_S]:
             self._explain(time_s)
             self._look_at_estimates(time_s, thresholds)
             self._look_at_consistency(time_s)
         else:  # what the start leaves behind is not looked at later, either
-            jumps.begin_all(m, self._rules)
+            jumps.begin_all(self._memory, self._rules)
         if self.isolated:
             self._end(time_s)
         return self._conclude(time_s, thresholds)
+
+    def rest(self) -> None:
+        """Forget what seemed likely: in the tick before there was nothing to conclude."""
+        since = self.since
+        since.likely = since.certain = since.ahead = since.inconsistent = since.beyond_n = since.beyond_p = NOT
 
     def _deviation(self, unknown: int) -> float:
         """Return the standard deviation of an unknown in its unit."""
@@ -341,6 +347,7 @@ class EnvelopeDecision:
     def _set_drifts(self) -> None:
         """Let the estimates of the isolated faults follow them, and those of the others rest."""
         self._rules.Q[:] = self._quiet_q
+        self.asked[SETTLE_S] = self.limits.settle_open_s if self.is_open else self.limits.settle_s
         if not self.is_open:
             self._rules.Q[N_STATES + len(UNKNOWNS) :] = 0.0
         for one in self.isolated:

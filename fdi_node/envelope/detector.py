@@ -154,7 +154,7 @@ class EnvelopeDetector:
         self._told, self._reading = np.zeros(N_HELD), np.zeros(N_READINGS)
         self._begun = False
         limits, is_open = Limits(*design.limits.tolist()), design.opened > 0.5
-        self._decision = EnvelopeDecision(limits, design.unknowns, self._flat, self.rules, is_open)
+        self._decision = EnvelopeDecision(limits, design.unknowns, self._flat, self._packed, is_open)
         self._shown = (-READING_SCALE * design.used).tolist()
 
     def _begin(self, reading: Vector, deviation: float) -> None:
@@ -206,7 +206,7 @@ class EnvelopeDetector:
         air_mass_flow_kg_s : float, optional
             Through the evaporator, for a design whose `blower` is known; others have no use for it.
         """
-        reading, m = self._reading, self.memory
+        reading = self._reading
         for i, value in enumerate(measured):
             reading[i] = value
         if not self._begun:
@@ -215,13 +215,23 @@ class EnvelopeDetector:
             self._take_outlet_temperature()
         self._tell(air_inlet_temperature_c, condenser_air_inlet_temperature_c, air_mass_flow_kg_s)
         kalman.observe(self._flat, self._packed, reading, self._told, self._tab)
-        done = self._decision.step(time_s)
+        return self.conclude(time_s, air_inlet_temperature_c, condenser_air_inlet_temperature_c, air_mass_flow_kg_s)
+
+    def conclude(
+        self,
+        time_s: float,
+        air_inlet_temperature_c: float,
+        condenser_air_inlet_temperature_c: float,
+        air_mass_flow_kg_s: float | None = None,
+    ) -> Detection:
+        """Return what follows from the readings of this tick, which the observer has taken."""
+        m, done = self.memory, self._decision.step(time_s)
         if self._decision.is_lost:
-            self._begin(reading, _FAR)
+            self._begin(self._reading, _FAR)
             self._tell(air_inlet_temperature_c, condenser_air_inlet_temperature_c, air_mass_flow_kg_s)
         elif self._decision.doubts:  # the plant is another one: from now on its parameters are estimated, too
             self._decision.open_up()
-            self._begin(reading, _NEAR)
+            self._begin(self._reading, _NEAR)
             self._tell(air_inlet_temperature_c, condenser_air_inlet_temperature_c, air_mass_flow_kg_s)
         (p, s, w, _), (scale_p, scale_s, scale_w, _) = m.e.tolist(), self._shown
         f_n, f_p, *_ = m.x.tolist()
@@ -244,7 +254,26 @@ class EnvelopeDetector:
         """
         self._told[SPEED], self._told[OPENING] = command
         if kalman.predict(self._flat, self._packed, self._told, self._tab) != 0:
-            self._begin(self._reading, _FAR)  # no state near this one goes on inside the tables
+            self.begin_anew()
+
+    @property
+    def compiled(self) -> tuple[Any, ...]:
+        """Return what compiled code needs: memory, rules, readings, what drives the plant, tables, `is_quiet`'s."""
+        decision = self._decision
+        return self._flat, self._packed, self._reading, self._told, self._tab, decision.asked, decision.thresholds
+
+    @property
+    def is_quiet(self) -> bool:
+        """Whether there is nothing to conclude in a tick in which nothing stands out (`fdi_node.envelope.quiet`)."""
+        return not self._decision.isolated
+
+    def follow(self) -> None:
+        """Go on from ticks in which nothing stood out, and which other code has done."""
+        self._decision.rest()
+
+    def begin_anew(self) -> None:
+        """Begin at the rest that is nearest to the last readings: no state near this one goes on inside the tables."""
+        self._begin(self._reading, _FAR)
 
     def _tell(self, air_c: float, condenser_air_c: float, air_kg_s: float | None) -> None:
         self._told[AIR_C], self._told[_CONDENSER_AIR_C] = air_c, condenser_air_c

@@ -1,0 +1,40 @@
+"""Whether a tick leaves nothing to conclude, as most do: the first question of the decision."""
+
+import numpy as np
+
+from ac_plant_node.dynamics.balances import N_STATES
+from fdi_node.envelope.compiled import Array, jit
+from fdi_node.envelope.memory import LARGEST, NIS, TICKS, memory_of, rules_in
+
+NAMED = 2
+"""The first so many unknowns are the faults of `ac_common.faults.ISOLABLE`."""
+SIGMAS, FLOORS, UNITS, NATURAL_RATIO, INCONSISTENT, SETTLE_S = 0, 1, 3, 5, 6, 7
+"""Layout of what the question is about: of the named faults' thresholds the standard deviations and what is added to
+them, and the units of both; the likelihood ratio and the mean square from which on there is something; and the time
+after the start until which nothing is concluded."""
+N_ASKED = 8
+
+
+@jit
+def is_quiet(flat: Array, packed: Array, asked: Array, thresholds: Array) -> bool:
+    """Return whether neither the estimates of the named faults nor likelihoods nor innovations stand out.
+
+    Parameters
+    ----------
+    flat, packed : array
+        As `fdi_node.envelope.filter.observe`.
+    asked : (N_ASKED,) array
+    thresholds : (2,) array
+        Result: of the named faults' estimates, found in any case.
+    """
+    rules = rules_in(packed)
+    m = memory_of(flat, rules.rows.shape[0], rules.jumping.shape[0])
+    within = True
+    for i in range(NAMED):
+        at = N_STATES + i
+        deviation = np.sqrt(max(m.P[at, at], 0.0)) * asked[UNITS + i]
+        thresholds[i] = asked[SIGMAS] * deviation + asked[FLOORS + i]
+        within = within and abs(m.x[i]) <= thresholds[i]
+    is_settled = m.scalars[TICKS] * rules.constants[0] > asked[SETTLE_S]
+    explained = m.scalars[LARGEST] < asked[NATURAL_RATIO] and m.scalars[NIS] < asked[INCONSISTENT]
+    return bool(within and is_settled and explained)
