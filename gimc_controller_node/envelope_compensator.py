@@ -48,9 +48,9 @@ ERROR_UNIT = (5.0 * KPA, 2.5)
 
 # Layout of what an `EnvelopeCompensator` remembers, and of what it is made of; behind it stand [state, inputs], the
 # state of the next tick, and the matrices of q and state.
-_USED, _AVERAGE, _ALLOWED, _WITHDRAWN = 0, 2, 3, 4  # of f_N and f_p, after the fades; then the watch
-_COMMAND, _PRESSURE = 5, 7  # as it was last sent, as it last read
-_LIMITED, _Q, _LOWEST, _HIGHEST, _FADES_IN, _FADES_OUT, _AVERAGES = 8, 9, 11, 13, 15, 17, 18
+_USED, _AVERAGE, _ALLOWED, WITHDRAWN = 0, 2, 3, 4  # of f_N and f_p, after the fades; then the watch
+COMMAND, _PRESSURE = 5, 7  # as it was last sent, as it last read
+LIMITED, Q, _LOWEST, _HIGHEST, _FADES_IN, _FADES_OUT, _AVERAGES = 8, 9, 11, 13, 15, 17, 18
 _HEALTHY, _HARMFUL, _REST, _CURVATURE, _VECTORS = 19, 20, 21, 22, 23
 
 
@@ -67,7 +67,7 @@ def _shift(m: Array, f_n: float) -> float:
     """Return what takes f_N off the coordinate of the speed."""
     if f_n == 0.0:
         return 0.0
-    sent, turning = m[_COMMAND], max(m[_COMMAND] + f_n, 0.0)
+    sent, turning = m[COMMAND], max(m[COMMAND] + f_n, 0.0)
     return coordinate(sent - m[_REST], m[_CURVATURE]) - coordinate(turning - m[_REST], m[_CURVATURE])
 
 
@@ -76,18 +76,18 @@ def _watch(m: Array, is_active: bool, error: float) -> None:
     """Withdraw what seems to do harm, until the fault is no longer isolated."""
     m[_AVERAGE] += m[_AVERAGES] * (error - m[_AVERAGE])
     if not is_active:
-        m[_ALLOWED], m[_WITHDRAWN] = max(m[_AVERAGE], m[_HEALTHY]) + m[_HARMFUL], 0.0
+        m[_ALLOWED], m[WITHDRAWN] = max(m[_AVERAGE], m[_HEALTHY]) + m[_HARMFUL], 0.0
     elif m[_AVERAGE] > m[_ALLOWED]:
-        m[_WITHDRAWN] = 1.0
+        m[WITHDRAWN] = 1.0
 
 
 @jit
-def _accommodate(
+def accommodation(
     m: Array, curve: Array, n: int, f_n: float, f_p: float, has_f_n: int, has_f_p: int, may_act: int, is_read: int,
     pressure: float, superheat: float, is_wanted: int, wanted_pressure: float, wanted_superheat: float,
 ) -> None:  # fmt: skip
     """One tick: see `EnvelopeCompensator.step`; `curve` is empty when the superheat is not derived."""
-    acts, used = may_act != 0 and m[_WITHDRAWN] == 0.0, m[_USED : _USED + 2]
+    acts, used = may_act != 0 and m[WITHDRAWN] == 0.0, m[_USED : _USED + 2]
     for i in range(2):
         goal, rate = 0.0, m[_FADES_OUT]
         if acts and (has_f_n if i == 0 else has_f_p) != 0:
@@ -99,13 +99,13 @@ def _accommodate(
     end, sizes = _VECTORS + n + 3, (2 * (n + 3), n * (n + 3))
     known, after, first = m[_VECTORS:end], m[end : end + n], end + n
     known[n], known[n + 1], known[n + 2] = used[1], in_superheat, _shift(m, used[0])
-    multiply(m[first : first + sizes[0]], known, m[_Q : _Q + 2])
+    multiply(m[first : first + sizes[0]], known, m[Q : Q + 2])
     multiply(m[first + sizes[0] : first + sizes[0] + sizes[1]], known, after)
     for i in range(n):
         known[i] = after[i]
-    speed_stops = not m[_LOWEST] < m[_COMMAND] < m[_HIGHEST]
-    valve_stops = not m[_LOWEST + 1] < m[_COMMAND + 1] < m[_HIGHEST + 1]
-    m[_LIMITED] = 1.0 if acts and has_f_n != 0 and speed_stops else 0.0
+    speed_stops = not m[_LOWEST] < m[COMMAND] < m[_HIGHEST]
+    valve_stops = not m[_LOWEST + 1] < m[COMMAND + 1] < m[_HIGHEST + 1]
+    m[LIMITED] = 1.0 if acts and has_f_n != 0 and speed_stops else 0.0
     at_limit = speed_stops or valve_stops  # there errors grow with any control
     if is_wanted != 0 and is_read != 0 and not at_limit:
         errors = wanted_pressure - pressure + used[1], wanted_superheat - superheat + in_superheat
@@ -155,16 +155,22 @@ class EnvelopeCompensator:
     design : EnvelopeCompensatorDesign
     accommodate : bool
         False leaves K0 alone. May be changed between two steps.
+
+    Attributes
+    ----------
+    memory, curve : ndarray
+    n_states : int
+        What it remembers and is made of, for compiled code: the first arguments of `accommodation`.
     """
 
     def __init__(self, design: EnvelopeCompensatorDesign, accommodate: bool = True) -> None:
         self.design = design
         self.accommodate = accommodate
-        self._accommodate = ready(_accommodate)
-        n = self._n = len(design.phi)
+        self._accommodate = ready(accommodation)
+        n = self.n_states = len(design.phi)
         output = columns_of(np.hstack([design.c, design.d, [[1.0], [0.0]]]))
         update = columns_of(np.hstack([design.phi, design.gamma[:, :2], -design.gamma[:, 2:3]]))
-        m = self._memory = np.concatenate([np.zeros(_VECTORS + 2 * n + 3), output, update])
+        m = self.memory = np.concatenate([np.zeros(_VECTORS + 2 * n + 3), output, update])
         fade_in, m[_FADES_OUT], m[_AVERAGES] = (
             -math.expm1(-design.sample_time_s / time) for time in (design.fade_in_s, design.fade_out_s, design.watch_s)
         )
@@ -172,18 +178,18 @@ class EnvelopeCompensator:
         m[_LOWEST : _LOWEST + 2], m[_HIGHEST : _HIGHEST + 2] = design.command_min, design.command_max
         m[_HEALTHY], m[_HARMFUL], m[_ALLOWED] = design.healthy, design.harmful, design.healthy + design.harmful
         m[_REST], m[_CURVATURE] = design.command_rest[0], design.curvature[0]
-        m[_COMMAND : _COMMAND + 2], m[_PRESSURE] = design.command_rest, TYPICAL[0]
-        self._curve = saturation_curve() if design.derived > 0.5 else np.empty(0)
-        self._q, self._state, self._command = m[_Q : _Q + 2], m[_VECTORS : _VECTORS + n], m[_COMMAND:_PRESSURE]
-        self._used, self._watch, self._seen = m[_USED:_AVERAGE], m[_AVERAGE:_COMMAND], m[_COMMAND : _PRESSURE + 1]
+        m[COMMAND : COMMAND + 2], m[_PRESSURE] = design.command_rest, TYPICAL[0]
+        self.curve = saturation_curve() if design.derived > 0.5 else np.empty(0)
+        self._q, self._state, self._command = m[Q : Q + 2], m[_VECTORS : _VECTORS + n], m[COMMAND:_PRESSURE]
+        self._used, self._watch, self._seen = m[_USED:_AVERAGE], m[_AVERAGE:COMMAND], m[COMMAND : _PRESSURE + 1]
 
     @property
     def does(self) -> str:
         """What of a fault is not accommodated, and why; empty when all is, or nothing is isolated."""
         if not self.accommodate:
             return ""
-        m = self._memory
-        return HARMFUL if m[_WITHDRAWN] else AT_LIMIT if m[_LIMITED] else ""
+        m = self.memory
+        return HARMFUL if m[WITHDRAWN] else AT_LIMIT if m[LIMITED] else ""
 
     def state(self) -> dict[str, Any]:
         """Return what a compensator that takes this one's place has to know, fit for JSON; between two ticks."""
@@ -254,7 +260,7 @@ class EnvelopeCompensator:
         is_read, p_e, sh = nothing if measured is None else (1, float(measured[0]), float(measured[1]))
         is_wanted, pressure, superheat = nothing if reference is None else (1, float(reference[0]), float(reference[1]))
         self._accommodate(
-            self._memory, self._curve, self._n, float(f_n), float(f_p), has_f_n, has_f_p, int(self.accommodate),
+            self.memory, self.curve, self.n_states, float(f_n), float(f_p), has_f_n, has_f_p, int(self.accommodate),
             is_read, p_e, sh, is_wanted, pressure, superheat,
         )  # fmt: skip
         return self._q.copy()

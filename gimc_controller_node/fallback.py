@@ -6,7 +6,7 @@ import numpy as np
 
 from ac_common.safe_command import towards
 from gimc_controller_node.controller import Command, Vector
-from gimc_controller_node.limited_controller import LimitedController
+from gimc_controller_node.limited_controller import LAST, LimitedController
 from gimc_controller_node.protection import IDLE, Protection, ProtectionLimits, protect
 from gimc_controller_node.reference_limits import ReferenceLimits
 
@@ -28,18 +28,22 @@ class FallbackController:
         The caps on the command at present that keep the plant within these limits.
     bound : str
         Which bounds of the references are used instead of what is wanted, in words; empty: none.
+    limited : LimitedController
+    references : ReferenceLimits
+    within : tuple of float
+        Lowest p_e [Pa], lowest SH [K] and highest p_c [Pa] at which nothing has to be protected.
     mode : str
         What it does at present: `GIMC` (all is there), `K0_ALONE` (q is missing; the last one fades out), or `SAFE`
         (a measurement or a reference is missing).
     """
 
     def __init__(self, controller: LimitedController, limits: ProtectionLimits | None = None) -> None:
-        self._controller = controller
+        self.limited = controller
         self._limits = limits or ProtectionLimits()
         self.protection: Protection = IDLE
         own = self._limits
-        self._within = own.lowest_pressure_pa, own.lowest_superheat_k, own.highest_head_pa
-        self._references = ReferenceLimits(self._limits, controller.design.approach_k)
+        self.within = own.lowest_pressure_pa, own.lowest_superheat_k, own.highest_head_pa
+        self.references = ReferenceLimits(self._limits, controller.design.approach_k)
         self.bound = ""
         self._command = controller.design.command_rest.copy()
         self._safe = controller.design.command_rest
@@ -48,7 +52,7 @@ class FallbackController:
 
     def warm_restart(self, command: Command, measured: Vector, reference: Vector) -> None:
         """Take over from whatever moves the actuators now: see `LimitedController.warm_restart`."""
-        self._controller.warm_restart(command, measured, reference)
+        self.limited.warm_restart(command, measured, reference)
         self._command = np.array(command, dtype=np.float64)
 
     def step(
@@ -61,7 +65,7 @@ class FallbackController:
     ) -> Command:
         """Return the command of a tick with references and measurements; what may be None is missing."""
         wanted_pressure, wanted_superheat = reference.tolist()
-        pressure, superheat, self.bound = self._references.bounded(
+        pressure, superheat, self.bound = self.references.bounded(
             wanted_pressure, wanted_superheat, air_inlet_temperature_c
         )
         if self.bound:
@@ -69,17 +73,26 @@ class FallbackController:
         read_pressure, read_superheat, *_ = measured.tolist()
         self._protect(read_pressure, read_superheat, condenser_pressure_pa or 0.0)
         if self.mode == SAFE:
-            self._controller.warm_restart(self._command, measured, reference)
-        command = self._controller.step(reference, measured, q)
+            self.limited.warm_restart(self._command, measured, reference)
+        command = self.limited.step(reference, measured, q)
         if math.isnan(sum(command.tolist())):  # numbers that overflowed: begin anew from what the actuators do
             return self.on_missed_inputs()
         self.mode = GIMC if q is not None else K0_ALONE
         self._command = command
         return command
 
+    @property
+    def is_ordinary(self) -> bool:
+        """Whether nothing is missing and no cap acts, so that all of a tick is `ReferenceLimits` and K0's."""
+        return self.mode == GIMC and self.protection is IDLE and self.limited.k0 is not None
+
+    def follow(self, acts: int) -> None:
+        """Go on from ticks that were ordinary, and that other code has done; `acts`: bounds at the last of them."""
+        self._command, self.bound = self.limited.memory[LAST : LAST + 2].copy(), self.references.words[acts]
+
     def _protect(self, pressure: float, superheat: float, head: float) -> None:
         """Move the caps on the command for these readings."""
-        lowest, driest, highest = self._within
+        lowest, driest, highest = self.within
         if self.protection is IDLE and pressure >= lowest and superheat >= driest and head <= highest:
             return  # as `protect` would find, in less time
         speed, opening = self._command.tolist()
@@ -87,7 +100,7 @@ class FallbackController:
         protection = protect(self.protection, seen, (speed, opening), self._limits, self._sample_time_s)
         if protection is not self.protection:
             self.protection = protection
-            self._controller.cap(protection.fastest, protection.opening.value)
+            self.limited.cap(protection.fastest, protection.opening.value)
 
     @property
     def does(self) -> str:
@@ -105,4 +118,4 @@ class FallbackController:
     def drive(self, belt_speed_rad_s: float) -> None:
         """Take the compressor's speed on the belt as given in the next step; 0: there is none, it is commanded."""
         if belt_speed_rad_s > 0.0:
-            self._controller.drive(belt_speed_rad_s)
+            self.limited.drive(belt_speed_rad_s)

@@ -35,7 +35,7 @@ Q_FADE_S = 0.5
 
 
 # Layout of what a `LimitedController` remembers, and of what it is made of: pairs for speed and valve, or p_e and SH.
-_LAST, _HELD_BACK, _GOVERNED, _Q, _Q_OFFSET, _LOW, _HIGH, _STRIDE, _CAPS, _REST, _CURVATURE = range(0, 22, 2)
+LAST, _HELD_BACK, _GOVERNED, _Q, _Q_OFFSET, _LOW, _HIGH, _STRIDE, _CAPS, _REST, _CURVATURE = range(0, 22, 2)
 _SILENT, _MET, _KEEPS, _COST_SPEED, _COST_BOTH, _COST_VALVE = range(22, 28)
 _GOVERNORS = 28
 _N = _GOVERNORS + 2 * N_GOVERNOR
@@ -118,7 +118,7 @@ def _nearest(
 @jit
 def _after(m: Array, speed: float, valve: float) -> None:
     """Find the command that is sent for the one that the controller wants."""
-    last, low, high, stride = m[_LAST:], m[_LOW:], m[_HIGH:], m[_STRIDE:]
+    last, low, high, stride = m[LAST:], m[_LOW:], m[_HIGH:], m[_STRIDE:]
     slowest, narrowest = max(low[0], last[0] - stride[0]), max(low[1], last[1] - stride[1])
     fastest, widest = min(high[0], last[0] + stride[0]), min(high[1], last[1] + stride[1])
     if slowest <= speed <= fastest and narrowest <= valve <= widest:
@@ -134,7 +134,7 @@ def _after(m: Array, speed: float, valve: float) -> None:
 
 
 @jit
-def _with_k0(
+def with_k0(
     m: Array, k0: Array, n: int, pressure: float, superheat: float, read_pressure: float, read_superheat: float,
     arrives: int, q_speed: float, q_valve: float,
 ) -> None:  # fmt: skip
@@ -142,7 +142,7 @@ def _with_k0(
     _before(m, pressure, superheat, arrives, q_speed, q_valve)
     k0_step(k0, n, m[_GOVERNED] - read_pressure, m[_GOVERNED + 1] - read_superheat, m[_Q], m[_Q + 1])
     _after(m, k0[WANTED], k0[WANTED + 1])
-    k0_sent(k0, n, m[_LAST], m[_LAST + 1])
+    k0_sent(k0, n, m[LAST], m[LAST + 1])
 
 
 class LimitedController:
@@ -156,14 +156,21 @@ class LimitedController:
     controller : Controller
     design : ControllerDesign
         Its limits, priority, operating point and sample time are used.
+
+    Attributes
+    ----------
+    memory : ndarray
+        What it remembers and is made of, for compiled code.
+    k0 : GimcController or None
+        The controller when it is K0.
     """
 
     def __init__(self, controller: Controller, design: ControllerDesign) -> None:
         self.design = design
         self._controller = controller
-        m = self._memory = np.zeros(_N)
+        m = self.memory = np.zeros(_N)
         pairs: dict[int, Any] = {
-            _LAST: design.command_rest, _LOW: design.command_min, _HIGH: design.command_max,
+            LAST: design.command_rest, _LOW: design.command_min, _HIGH: design.command_max,
             _STRIDE: design.command_rate * design.sample_time_s, _CAPS: (math.inf, math.inf),
             _REST: design.command_rest, _CURVATURE: design.curvature,
         }  # fmt: skip
@@ -171,14 +178,14 @@ class LimitedController:
             m[at : at + 2] = pair
         m[_KEEPS] = math.exp(-design.sample_time_s / Q_FADE_S)
         (m[_COST_SPEED], m[_COST_BOTH]), (_, m[_COST_VALVE]) = design.priority
-        self._last, self._governed, self._q = (m[at : at + 2] for at in (_LAST, _GOVERNED, _Q))
+        self._last, self._governed, self._q = (m[at : at + 2] for at in (LAST, _GOVERNED, _Q))
         memories = np.split(m[_GOVERNORS:], 2)
         self._governors = [
             ReferenceGovernor(lead, lag_s, design.sample_time_s, memory)
             for lead, lag_s, memory in zip(design.lead.tolist(), design.lag_s.tolist(), memories, strict=True)
         ]
-        self._with_k0 = ready(_with_k0)
-        self._k0 = controller if type(controller) is GimcController else None  # one of a class of its own is not K0
+        self._with_k0 = ready(with_k0)
+        self.k0 = controller if type(controller) is GimcController else None  # one of a class of its own is not K0
 
     @property
     def at_limit(self) -> tuple[bool, bool]:
@@ -186,7 +193,7 @@ class LimitedController:
 
         By a limit, in size or in rate.
         """
-        speed, valve = self._memory[_HELD_BACK : _HELD_BACK + 2].tolist()
+        speed, valve = self.memory[_HELD_BACK : _HELD_BACK + 2].tolist()
         return bool(speed), bool(valve)
 
     def step(self, reference: Vector, measurement: Vector, q: Vector | None) -> Command:
@@ -212,7 +219,7 @@ class LimitedController:
         """
         pressure, superheat = reference.tolist()
         arrives, q_speed, q_valve = (0, 0.0, 0.0) if q is None else (1, *q.tolist())
-        m, k0 = self._memory, self._k0
+        m, k0 = self.memory, self.k0
         if k0 is not None:
             p_e, sh, *_ = measurement.tolist()
             self._with_k0(m, k0.memory, k0.n_states, pressure, superheat, p_e, sh, arrives, q_speed, q_valve)
@@ -229,14 +236,14 @@ class LimitedController:
 
         A cap below the last command is met at the command's greatest rate.
         """
-        self._memory[_CAPS], self._memory[_CAPS + 1] = speed_rad_s, opening
+        self.memory[_CAPS], self.memory[_CAPS + 1] = speed_rad_s, opening
 
     def drive(self, speed_rad_s: float) -> None:
         """Take the compressor's speed as given from now on: an engine turns it, and only the valve is commanded.
 
         Cap and rate of the speed have no say then; the command states the speed that there is.
         """
-        m = self._memory
+        m = self.memory
         m[_LOW] = m[_HIGH] = speed_rad_s
         m[_STRIDE] = math.inf
 
@@ -271,8 +278,8 @@ class LimitedController:
             raise ValueError(f"cannot go on from command {command}, measured {measurement}, reference {reference}")
         self._controller.warm_restart(sent, measured, governed)
         self._last[:] = sent
-        self._q[:] = self._memory[_Q_OFFSET : _Q_OFFSET + 2] = 0.0
-        self._memory[_SILENT] = 1.0
+        self._q[:] = self.memory[_Q_OFFSET : _Q_OFFSET + 2] = 0.0
+        self.memory[_SILENT] = 1.0
 
 
 def limited_k0(design: ControllerDesign) -> LimitedController:
