@@ -326,3 +326,8 @@ class Plant:
     def heat_moved_j(self) -> float:
         """Return the integral of the magnitudes of the three powers in `heat_in_w`, over whole steps: a scale."""
         return float(self._work.memory[workspace.MOVED])
+
+
+def handed_over(plant: Plant) -> tuple[NDArray[np.float64], ...]:
+    """Return what a plant with a healthy valve hands to `run_and_tell`, but for the duration: arrays in use."""
+    return plant._array, plant._par, *plant._tab, plant._told, plant._results

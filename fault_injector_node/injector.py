@@ -27,9 +27,9 @@ _COMPONENTS = tuple(
 _STICKING = tuple((FAULTS.index(fault), fault.index) for fault in STICKING)
 _N_MEASURED = len(Measurement._fields)
 _NOTHING_HELD = (math.nan,) * len(READINGS)
-_ACTUATOR_FAULTS = faults_at(Place.ACTUATOR)
-_SENSOR_FAULTS = tuple((fault, reading) for fault, reading in faults_at(Place.SENSOR) if reading < _N_MEASURED)
-_INLET_FAULTS = tuple(fault for fault, reading in faults_at(Place.SENSOR) if reading >= _N_MEASURED)
+ACTUATOR_FAULTS = faults_at(Place.ACTUATOR)
+SENSOR_FAULTS = tuple((fault, reading) for fault, reading in faults_at(Place.SENSOR) if reading < _N_MEASURED)
+INLET_FAULTS = tuple(fault for fault, reading in faults_at(Place.SENSOR) if reading >= _N_MEASURED)
 
 
 class FaultInjector:
@@ -58,12 +58,13 @@ class FaultInjector:
         if superheat not in ("direct", "derived"):
             msg = f"superheat sensor {superheat!r}; allowed: direct or derived"
             raise ValueError(msg)
-        self._derived = superheat == "derived"
-        if self._derived:
+        self.is_derived = superheat == "derived"
+        if self.is_derived:
             from ac_plant_node.saturation import saturation_temperature  # loads the property tables
 
             self._saturation_temperature = saturation_temperature
         std = np.asarray(noise_std, dtype=np.float64)
+        self._std, self._seed = std, seed
         if std.shape not in ((3,), (4,)) or not np.all(std >= 0.0):
             msg = f"noise_std is {list(noise_std)}; allowed: three or four numbers, none negative"
             raise ValueError(msg)
@@ -71,6 +72,15 @@ class FaultInjector:
         self._high_side_noise = _noise(std[3:], [seed, 1]) if np.any(std[3:] > 0.0) else None
         self._held: Sequence[float] = _NOTHING_HELD  # readings that stand still; nan: it does not
         self._last = list(_NOTHING_HELD)  # readings of the tick before, of a derived superheat the thermocouple's
+
+    def noise(self, ticks: int) -> Vector:
+        """Return the noise that `measure` adds in the first ticks, all at once: (ticks, 4) [Pa, K, K, Pa]."""
+        drawn = np.zeros((ticks, _N_MEASURED))
+        parts = (self._std[:3], [self._seed], drawn[:, :3]), (self._std[3:], [self._seed, 1], drawn[:, 3:])
+        for std, seed, to in parts:
+            if np.any(std > 0.0):
+                to[:] = std * np.random.default_rng(seed).standard_normal((ticks, len(std)))
+        return drawn
 
     def stick(
         self, actual: Sequence[float], inlets: Sequence[float], faults: Sequence[float], stuck: Sequence[float]
@@ -105,7 +115,7 @@ class FaultInjector:
 
     def _saturation_c(self, actual: Sequence[float], reading: int) -> float:
         """Return what the sensor of the superheat reads more than that: nothing, unless it is a thermocouple."""
-        return float(self._saturation_temperature(actual[0])) if self._derived and reading == 1 else 0.0
+        return float(self._saturation_temperature(actual[0])) if self.is_derived and reading == 1 else 0.0
 
     def measure(self, actual: Sequence[float], faults: Sequence[float]) -> Measurement:
         """Return the readings of this tick.
@@ -128,14 +138,14 @@ class FaultInjector:
                 measured[i] += noise
         if self._high_side_noise is not None:
             measured[3] += next(self._high_side_noise)[0]
-        for fault, reading in _SENSOR_FAULTS:
+        for fault, reading in SENSOR_FAULTS:
             measured[reading] += faults[fault]
         if self._held is not _NOTHING_HELD:
             for reading, held in enumerate(self._held[:_N_MEASURED]):
                 if not math.isnan(held):
                     measured[reading] = held - self._saturation_c(actual, reading)
         self._last[:_N_MEASURED] = measured
-        if self._derived:
+        if self.is_derived:
             own_c = self._saturation_c(actual, 1)
             self._last[1] += own_c
             measured[1] += own_c - self._saturation_temperature(measured[0])
@@ -151,7 +161,7 @@ class FaultInjector:
         faults : sequence of float
             As in `measure`.
         """
-        read = [air_c + faults[fault] for air_c, fault in zip(inlets, _INLET_FAULTS, strict=True)]
+        read = [air_c + faults[fault] for air_c, fault in zip(inlets, INLET_FAULTS, strict=True)]
         if self._held is not _NOTHING_HELD:
             held = self._held[_N_MEASURED:]
             read = [now if math.isnan(before) else before for now, before in zip(read, held, strict=True)]
@@ -169,7 +179,7 @@ class FaultInjector:
             As in `measure`.
         """
         actuator = list(command)
-        for fault, joint in _ACTUATOR_FAULTS:
+        for fault, joint in ACTUATOR_FAULTS:
             actuator[joint] = max(actuator[joint] + faults[fault], 0.0)
         return Command(*actuator)
 

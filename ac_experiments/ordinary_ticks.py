@@ -1,0 +1,153 @@
+"""Ticks of the loop in which nothing is out of the ordinary, one after the other in compiled code.
+
+In most ticks of a run no fault stands out, no cap protects the plant, and no component of it changes. Such ticks are
+done here with the functions that the nodes step with; what is left over is that of `ac_experiments.loop`, in the middle
+of a tick. Both give the same numbers, to the last bit.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ac_common.compiled import Array, step_compiler
+from ac_plant_node.compiled_sources import COMPILED_SOURCES
+from ac_plant_node.dynamics.drive import AIR_C, OPENING, SPEED
+from ac_plant_node.dynamics.telling import N_OUTPUTS, run_and_tell
+from ac_plant_node.inputs import INPUT
+from ac_plant_node.properties.tables import Tables
+from fault_injector_node.injector import ACTUATOR_FAULTS, INLET_FAULTS, SENSOR_FAULTS
+from fdi_node.envelope.filter import observe, predict
+from fdi_node.envelope.memory import memory_of, rules_in
+from fdi_node.envelope.model import READING_SCALE
+from fdi_node.envelope.quiet import is_quiet
+from gimc_controller_node.envelope_compensator import COMMAND, LIMITED, WITHDRAWN, Q, accommodation
+from gimc_controller_node.limited_controller import LAST, with_k0
+from gimc_controller_node.reference_limits import bounds
+
+DONE, CONCLUDE, LOST, GIVE_UP = range(4)
+"""Why it ends: all ticks are done; there is something to conclude or to protect, once the readings have been taken; the
+observer has to begin anew, once the command is known; something that is Python's from the first tick on."""
+SENSE, MOVE = range(2)
+"""Where in its first tick it begins: with the readings, or with the command to the actuators."""
+
+_CONDENSER_AIR_C = INPUT["condenser_air_inlet_temperature"]
+_INLETS, _PERFORMANCE, READINGS, INLETS_READ, _INNOVATION, _RESIDUAL, _Q, _COMMAND, _ACTUATOR, FAULTS = np.cumsum(
+    [4, 2, 7, 4, 2, 3, 2, 2, 2, 2]
+).tolist()
+"""Where the columns of `ac_experiments.loop` begin."""
+_compile = step_compiler(
+    *COMPILED_SOURCES,
+    *("ac_plant_node.saturation", "ac_common.products", "ac_common.faults", "ac_common.signals"),
+    *("fault_injector_node", "fdi_node", "gimc_controller_node", "ac_experiments.ordinary_ticks"),
+)
+
+
+@_compile
+def _read(results: Array, inlets: Array, noise: Array, faults: Array, row: Array) -> None:
+    """Do as `FaultInjector.measure` and `measure_inlets`."""
+    for i in range(N_OUTPUTS):
+        row[READINGS + i] = results[i] + noise[i]
+    for fault, at in SENSOR_FAULTS:
+        row[READINGS + at] += faults[fault]
+    for i in range(2):
+        row[INLETS_READ + i] = inlets[i] + faults[INLET_FAULTS[i]]
+
+
+@_compile
+def _drive(results: Array, inlets: Array, command: Array, faults: Array, air: Array, row: Array, driven: Array) -> None:
+    """Do as `FaultInjector.actuate`, and note what the plant is driven by and what it makes before it is."""
+    for i in range(2):
+        row[_ACTUATOR + i] = command[i]
+    for fault, joint in ACTUATOR_FAULTS:
+        row[_ACTUATOR + joint] = max(row[_ACTUATOR + joint] + faults[fault], 0.0)
+    for i in range(N_OUTPUTS):
+        row[i] = results[i]
+    for i in range(2):
+        row[_INLETS + i], driven[i] = inlets[i], row[_ACTUATOR + i]
+    for i in range(READINGS - _PERFORMANCE):
+        row[_PERFORMANCE + i] = results[N_OUTPUTS + i]
+    for i in range(air.shape[0]):
+        driven[2 + i] = air[i]
+
+
+@_compile
+def ordinary_ticks(
+    first: int, last: int, stage: int, may_act: int, h: float, within: Sequence[float], limits: Sequence[float],
+    flat: Array, packed: Array, reading: Array, told: Array, tables: Tables, asked: Array, thresholds: Array,
+    compensator: Array, curve: Array, n: int, accommodates: int,
+    controller: Array, k0: Array, n_k0: int, air_curve: Array,
+    work: Array, par: Array, sat: Array, vapour: Array, isentrope: Array, liquid: Array, grid: Array,
+    driven: Array, results: Array, inlets: Array,
+    noise: Array, references: Array, faults: Array, changes: Array, air: Array,
+    made: Array, found: Array, said: Array,
+) -> tuple[int, int]:  # fmt: skip
+    """Do ticks until one is not ordinary, and return that one, or `last`, and why it ends.
+
+    Parameters
+    ----------
+    first, last, stage : int
+        The tick to begin with, that before which it ends, and `SENSE` or `MOVE`.
+    may_act : int
+        0: what follows from the readings is not ordinary in any case.
+    h : float
+        Sample time.
+    within, limits : sequence of float
+        As `FallbackController.within`, and the first arguments of `bounds` after the curve, which is `air_curve`.
+    flat, packed, reading, told, tables, asked, thresholds
+        As `EnvelopeDetector.compiled`.
+    compensator, curve, n, accommodates
+        As `accommodation`.
+    controller, k0, n_k0
+        As `with_k0`.
+    work, par, sat, vapour, isentrope, liquid, grid, driven, results
+        As `ac_plant_node.plant.handed_over`.
+    inlets : (2,) array
+        Air at both inlets as it is.
+    noise, references, faults, changes, air : (K, .) arrays
+        By tick; `changes` (K,): whether components of the plant do.
+    made, found, said : (K, .) arrays
+        Results by tick: as `Loop.made`; thresholds; 1 for a limit of the compensator, 2 for withdrawn; sum of bounds.
+    """
+    rules = rules_in(packed)
+    m = memory_of(flat, rules.rows.shape[0], rules.jumping.shape[0])
+    for k in range(first, last):
+        row, faulty, reference = made[k], faults[k], references[k]
+        measured, command = row[READINGS:INLETS_READ], controller[LAST : LAST + 2]
+        if k > first or stage == SENSE:
+            _read(results, inlets, noise[k], faulty, row)
+            for i in range(N_OUTPUTS):
+                reading[i] = measured[i]
+            told[AIR_C], told[_CONDENSER_AIR_C] = row[INLETS_READ], row[INLETS_READ + 1]
+            observe(flat, packed, reading, told, tables)
+            is_safe = measured[0] >= within[0] and measured[1] >= within[1] and measured[3] <= within[2]
+            if may_act == 0 or changes[k] != 0.0 or not is_safe or not is_quiet(flat, packed, asked, thresholds):
+                return k, CONCLUDE
+            found[k, 0], found[k, 1] = thresholds[0], thresholds[1]
+            accommodation(
+                compensator, curve, n, m.x[0], m.x[1], 0, 0, accommodates, 1, measured[0], measured[1],
+                1, reference[0], reference[1],
+            )  # fmt: skip
+            if accommodates != 0:
+                said[k, 0] = 2.0 if compensator[WITHDRAWN] != 0.0 else compensator[LIMITED]
+            pressure, superheat, said[k, 1] = bounds(
+                air_curve, limits[0], limits[1], limits[2], reference[0], reference[1], row[INLETS_READ]
+            )
+            with_k0(
+                controller, k0, n_k0, pressure, superheat, measured[0], measured[1],
+                1, compensator[Q], compensator[Q + 1],
+            )  # fmt: skip
+            if np.isnan(command[0] + command[1]):
+                return k, GIVE_UP
+            for i in range(3):
+                row[_INNOVATION + i] = m.e[i] * (-READING_SCALE[i] if rules.R[i] < np.inf else -0.0)
+            for i in range(2):
+                row[_RESIDUAL + i], row[_Q + i] = m.x[i], compensator[Q + i]
+                row[_COMMAND + i] = compensator[COMMAND + i] = command[i]
+            told[SPEED], told[OPENING] = command[0], command[1]
+            if predict(flat, packed, told, tables) != 0:
+                return k, LOST
+        _drive(results, inlets, command, faulty, air[k], row, driven)
+        if run_and_tell(work, par, sat, vapour, isentrope, liquid, grid, driven, h, results) != 0:
+            return k, GIVE_UP
+        inlets[0], inlets[1] = air[k, 1], air[k, 3]
+    return last, DONE

@@ -1,0 +1,73 @@
+"""Ordinary ticks in compiled code leave behind what `Loop` does, to the last bit."""
+
+import numpy as np
+import pytest
+
+from ac_experiments.compiled_loop import CompiledLoop
+from ac_experiments.designs import designs_of
+from ac_experiments.loop import Loop
+from ac_experiments.ordinary_ticks import GIVE_UP
+from ac_experiments.scenario import check, load
+from fdi_node.envelope.quiet import SETTLE_S
+from gimc_controller_node.protection import DRY
+from gimc_controller_node.reference_limits import TOO_DRY
+
+SPEED = {"kind": "compressor_speed", "size_rpm": 40.0, "onset_s": 60.0, "end_s": 120.0}
+PRESSURE = {"kind": "evaporator_pressure", "size_kpa": 5.0, "onset_s": 90.0}
+COMPONENT = {"kind": "condenser_fouling", "size_percent": 50.0, "onset_s": 30.0, "end_s": 60.0}
+INLET = {"kind": "air_inlet_sensor", "size_k": 4.0, "onset_s": 60.0, "end_s": 70.0}
+DRY_AIR = {"air": {"inlet_temperature_k": [{"at_s": 0.0, "to": -5.0, "ramp_s": 30.0}]}}
+HIGHER = {"references": {"superheat_k": [{"at_s": 30.0, "to": 8.0}]}}
+CASES = {
+    "healthy": {},
+    "faults": {"faults": [SPEED, PRESSURE, COMPONENT]},
+    "inlet": {"faults": [INLET]},
+    "too dry": {"operating_point": "low", **DRY_AIR, **HIGHER},
+    "protected": {"air": {"mass_flow_percent": [{"at_s": 30.0, "to": -85.0}, {"at_s": 60.0, "to": 0.0}]}},
+    "passive": {"passive": True, "faults": [PRESSURE]},
+}
+
+
+def scenario(**more):
+    noise = load("drive:0").noise.model_dump(exclude_none=True)
+    return check({"name": "short", "design": "envelope", "duration_s": 150.0, "noise": noise, **more})
+
+
+def both(asked):
+    made = designs_of(asked)
+    loops = [kind(asked, made, None, accommodate=not asked.is_passive(None)) for kind in (Loop, CompiledLoop)]
+    loops[0].run(lambda *_: None)
+    return *loops, loops[1].run_compiled(lambda *_: None)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_both_loops_are_the_same_to_the_last_bit(name):
+    loop, compiled, is_done = both(scenario(**CASES[name]))
+    assert is_done
+    np.testing.assert_array_equal(compiled.made, loop.made)
+    assert compiled.events == loop.events
+    assert repr(compiled.status) == repr(loop.status)
+    said = {event["what"] for event in loop.events}
+    assert {"too dry": TOO_DRY in said, "protected": DRY in said}.get(name, True)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"faults": [{"kind": "valve_slow", "size_s": 5.0, "onset_s": 1.0}]},
+        {"faults": [{"kind": "superheat_sensor", "profile": "stuck", "onset_s": 1.0}]},
+        {"superheat_sensor": "derived"},
+    ],
+)
+def test_what_no_ordinary_tick_does_is_left_to_the_other_loop(change):
+    asked = scenario(**change)
+    assert not CompiledLoop(asked, designs_of(asked), None, accommodate=True).run_compiled(lambda *_: None)
+
+
+def test_numbers_that_overflow_are_left_to_the_other_loop():
+    asked = scenario()
+    loop = CompiledLoop(asked, designs_of(asked), None, accommodate=True)
+    loop.tick(0)
+    loop._detector._decision.asked[SETTLE_S] = -1.0
+    loop._controller.limited.k0.memory[:] = np.nan
+    assert loop._go_on(1, 10) == (1, GIVE_UP)
