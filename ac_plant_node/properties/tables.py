@@ -17,6 +17,7 @@ Tillner-Roth & Baehr, J. Phys. Chem. Ref. Data 23 (1994) 657; behind R1234yf, Le
 
 import sys
 from collections.abc import Callable
+from functools import cache
 from importlib.metadata import version
 from typing import Any, NamedTuple
 
@@ -85,10 +86,14 @@ def table_identity(refrigerant: str) -> str:
 def load_tables(refrigerant: str = "R134a", progress: bool = True) -> Tables:
     """Return the tables of a refrigerant from the cache, built first (some seconds) when they are not there yet.
 
-    Several processes may build them at once; an unwritable cache folder only costs the time of building again.
+    Several processes may build them at once; an unwritable cache folder only costs the time of building again. All in a
+    process have the same arrays.
     """
-    identity = table_identity(refrigerant)
+    return _loaded(refrigerant, table_identity(refrigerant), progress)
 
+
+@cache
+def _loaded(refrigerant: str, identity: str, progress: bool) -> Tables:
     def build() -> Arrays:
         if progress:
             print(f"acftc: building {refrigerant} property tables (once, about ten seconds)", file=sys.stderr)
