@@ -25,7 +25,7 @@ from ac_experiments.ordinary_ticks import (
 from ac_plant_node import Plant
 from ac_plant_node.dynamics.telling import N_OUTPUTS
 from ac_plant_node.plant import handed_over
-from fault_injector_node.injector import components
+from fault_injector_node.injector import components_of_all
 from fdi_node.envelope import EnvelopeDetector
 from gimc_controller_node.envelope_compensator import AT_LIMIT, HARMFUL, EnvelopeCompensator
 
@@ -64,12 +64,12 @@ class CompiledLoop(Loop):
         """Return `ordinary_ticks` as a function of its first three arguments; None where no tick is ordinary."""
         plant, detector, compensator, controller = self._plant, self._detector, self._compensator, self._controller
         plan, ticks, k0 = self.schedule, len(self.made), controller.limited.k0
-        sizes = np.array([components(faults) for faults in self._faults_at])
-        if self._reads_air or self._injector.is_derived or k0 is None or plan.stuck.any() or sizes[:, _OF_THE_VALVE].any():
+        sizes = components_of_all(plan.faults)
+        if self._reads_air or self._injector.is_derived or plan.stuck.any() or sizes[:, _OF_THE_VALVE].any():
             return None
         if not (isinstance(plant, Plant) and isinstance(detector, EnvelopeDetector)):
             return None
-        if not isinstance(compensator, EnvelopeCompensator):
+        if k0 is None or not isinstance(compensator, EnvelopeCompensator):
             return None
         self.made[:, FAULTS:] = np.hstack([sizes, plan.faults[:, [KINDS.index(fault.kind) for fault in STICKING]]])
         changes = np.zeros(ticks)
@@ -123,4 +123,4 @@ class CompiledLoop(Loop):
         row = self.made[k].tolist()
         measured, inlets = Measurement(*row[READINGS:INLETS_READ]), Inlets(*row[INLETS_READ : INLETS_READ + 2])
         found = self._observer.conclude(self._times[k], *inlets)
-        self._act(k, self._faults_at[k], measured, inlets, found)
+        self._act(k, self.schedule.faults[k].tolist(), measured, inlets, found)

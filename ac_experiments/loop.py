@@ -119,8 +119,7 @@ class Loop:
         self._faults: Sequence[float] = [0.0] * len(KINDS)
         self._does = {COMPENSATOR: "", CONTROLLER: ""}
         self._name, plan = scenario.name, self.schedule
-        self._times, self._air_at, self._car_at = plan.time_s.tolist(), plan.air.tolist(), plan.car.tolist()
-        self._faults_at, self._stuck_at = plan.faults.tolist(), plan.stuck.tolist()
+        self._times: list[float] = plan.time_s.tolist()
         keys = self._keys = _MADE if scenario.car is None else (*_MADE, *CABIN_SERIES)
         self.made, self._row = np.empty((scenario.ticks, len(keys))), Struct(f"{len(keys)}d")
 
@@ -146,15 +145,16 @@ class Loop:
     def tick(self, k: int) -> None:
         """Go around the loop once; raises as `run`."""
         outputs, air = self._outputs, self._inlets
-        faults = self._injector.stick(outputs, air, self._faults_at[k], self._stuck_at[k])
+        plan = self.schedule
+        faults = self._injector.stick(outputs, air, plan.faults[k].tolist(), plan.stuck[k].tolist())
         measured, inlets = self._injector.measure(outputs, faults), self._injector.measure_inlets(air, faults)
-        known = (*inlets[: self._reads_inlets], *self._air_at[k][: self._reads_air])
+        known = (*inlets[: self._reads_inlets], *plan.air[k, : self._reads_air].tolist())
         found = self._detector.observe(self._times[k], measured[: self._reads], *known)
         self._act(k, faults, measured, inlets, found)
 
     def _act(self, k: int, faults: Sequence[float], measured: Measurement, inlets: Inlets, found: "Detection") -> None:
         """Do what follows from the readings of a tick, and let the plant run on to the next one."""
-        time_s, reference, car = self._times[k], self.schedule.reference[k], self._car_at[k]
+        time_s, reference, car = self._times[k], self.schedule.reference[k], self.schedule.car[k].tolist()
         q = self._compensator.step(
             self._signal(found), found.isolated, found.also_isolated, reference.tolist(), measured
         )
@@ -185,7 +185,7 @@ class Loop:
         made = (*self._outputs, *told, *seen, *acted, *self._components, *_sticking(faults), *cabin)
         self._row.pack_into(self.made, k * self._row.size, *made)  # faster than an assignment
         try:
-            self._advance(self._air_at[k], car)
+            self._advance(self.schedule.air[k].tolist(), car)
         except ValueError as problem:
             msg = f"{self._name}: the plant stopped at {time_s:.1f} s: {problem}"
             raise RunError(msg) from problem

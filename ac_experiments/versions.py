@@ -3,6 +3,7 @@
 import os
 import platform
 from collections.abc import Mapping
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -24,14 +25,19 @@ def same_plant(made_with: Mapping[str, str]) -> bool:
 
 def versions() -> dict[str, str]:
     """Return the versions of this program, of Python and of the packages under it, and the kind of machine."""
+    return {
+        **_installed(),
+        "plant": plant(),
+        "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} processors",
+    }
+
+
+@cache
+def _installed() -> dict[str, str]:
     found = {"python": platform.python_version()}
     for name in _PACKAGES:
         try:
             found[name] = version(name)
         except PackageNotFoundError:
             continue
-    return {
-        **found,
-        "plant": plant(),
-        "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} processors",
-    }
+    return found

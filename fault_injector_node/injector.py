@@ -195,6 +195,13 @@ def components(faults: Sequence[float]) -> tuple[float, ...]:
     return tuple([min(max(faults[number], low), high) for number, low, high in _COMPONENTS])
 
 
+def components_of_all(faults: Vector) -> Vector:
+    """Return what `components` does for each row of `faults` (K, F), (K, n)."""
+    numbers, low, high = (np.array(column) for column in zip(*_COMPONENTS, strict=True))
+    within: Vector = np.clip(faults[:, numbers], low, high)
+    return within
+
+
 def _noise(std: Vector, seed: list[int]) -> Iterator[list[float]]:
     """Yield the noise of one tick after the other; drawn for many at once, which is the same noise for less time."""
     random = np.random.default_rng(seed)
