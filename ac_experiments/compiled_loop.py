@@ -1,12 +1,13 @@
 """The loop with the designs of the whole envelope: ordinary ticks in compiled code, all others as `Loop` does them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from itertools import repeat
 from typing import Any
 
 import numpy as np
 
 from ac_common.compiled import ready
-from ac_common.faults import COMPONENT_KINDS, KINDS, STICKING
+from ac_common.faults import COMPONENT_KINDS, ISOLABLE_KINDS, KINDS, STICKING
 from ac_common.fdi_status import StatusRow
 from ac_common.signals import Inlets, Measurement
 from ac_common.topics import COMPENSATOR, CONTROLLER
@@ -19,6 +20,7 @@ from ac_experiments.ordinary_ticks import (
     LOST,
     MOVE,
     READINGS,
+    RESIDUAL,
     SENSE,
     ordinary_ticks,
 )
@@ -83,9 +85,7 @@ class CompiledLoop(Loop):
             *(self.made, self._thresholds, self._said),
         )
         run, self._results = ready(ordinary_ticks), handed_over(plant)[-1]
-        return lambda first, last, stage: run(
-            first, last, stage, int(controller.is_ordinary and detector.is_quiet), *shared
-        )
+        return lambda first, last, stage: run(first, last, stage, int(controller.is_ordinary), *shared)
 
     def _go_on(self, first: int, last: int) -> tuple[int, int]:
         """Do ordinary ticks up to one that is not; return it, or `last`, and why it ends there."""
@@ -102,11 +102,15 @@ class CompiledLoop(Loop):
 
     def _take_note(self, first: int, last: int) -> None:
         """Record and announce what ordinary ticks have left behind, and let the blocks go on from there."""
-        nothing, nan = (False, None), np.nan
+        times = self._times[first:last]
+        _, detected, isolated, _, onset_s, isolated_s, also = self._observer.follow(times[0], times[-1])
+        sizes: Iterable[float] = repeat(np.nan)
         thresholds = self._thresholds[first:last].tolist()
+        if isolated is not None:
+            sizes = self.made[first:last, RESIDUAL + ISOLABLE_KINDS.index(isolated)].tolist()
         self.status += [
-            StatusRow(time_s, *nothing, nan, nan, nan, (one, other))
-            for time_s, (one, other) in zip(self._times[first:last], thresholds, strict=True)
+            StatusRow(time_s, detected, isolated, size, onset_s, isolated_s, (one, other), also)
+            for time_s, size, (one, other) in zip(times, sizes, thresholds, strict=False)
         ]
         says = {COMPENSATOR: _SAYS, CONTROLLER: self._controller.references.words}
         said = self._said[first:last].astype(int)
@@ -115,7 +119,6 @@ class CompiledLoop(Loop):
             for (node, words), number in zip(says.items(), said[tick].tolist(), strict=True):
                 if words[number] != self._does[node]:
                     self._announce(self._times[first + tick], node, words[number])
-        self._observer.follow()
         self._controller.follow(int(said[-1, 1]))
 
     def _conclude(self, k: int) -> None:

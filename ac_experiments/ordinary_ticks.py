@@ -19,7 +19,7 @@ from fault_injector_node.injector import ACTUATOR_FAULTS, INLET_FAULTS, SENSOR_F
 from fdi_node.envelope.filter import observe, predict
 from fdi_node.envelope.memory import memory_of, rules_in
 from fdi_node.envelope.model import READING_SCALE
-from fdi_node.envelope.quiet import is_quiet
+from fdi_node.envelope.quiet import IS_THERE, is_quiet
 from gimc_controller_node.envelope_compensator import COMMAND, LIMITED, WITHDRAWN, Q, accommodation
 from gimc_controller_node.limited_controller import LAST, with_k0
 from gimc_controller_node.reference_limits import bounds
@@ -31,7 +31,7 @@ SENSE, MOVE = range(2)
 """Where in its first tick it begins: with the readings, or with the command to the actuators."""
 
 _CONDENSER_AIR_C = INPUT["condenser_air_inlet_temperature"]
-_INLETS, _PERFORMANCE, READINGS, INLETS_READ, _INNOVATION, _RESIDUAL, _Q, _COMMAND, _ACTUATOR, FAULTS = np.cumsum(
+_INLETS, _PERFORMANCE, READINGS, INLETS_READ, _INNOVATION, RESIDUAL, _Q, _COMMAND, _ACTUATOR, FAULTS = np.cumsum(
     [4, 2, 7, 4, 2, 3, 2, 2, 2, 2]
 ).tolist()
 """Where the columns of `ac_experiments.loop` begin."""
@@ -124,8 +124,8 @@ def ordinary_ticks(
                 return k, CONCLUDE
             found[k, 0], found[k, 1] = thresholds[0], thresholds[1]
             accommodation(
-                compensator, curve, n, m.x[0], m.x[1], 0, 0, accommodates, 1, measured[0], measured[1],
-                1, reference[0], reference[1],
+                compensator, curve, n, m.x[0], m.x[1], int(asked[IS_THERE]), int(asked[IS_THERE + 1]), accommodates,
+                1, measured[0], measured[1], 1, reference[0], reference[1],
             )  # fmt: skip
             if accommodates != 0:
                 said[k, 0] = 2.0 if compensator[WITHDRAWN] != 0.0 else compensator[LIMITED]
@@ -141,7 +141,7 @@ def ordinary_ticks(
             for i in range(3):
                 row[_INNOVATION + i] = m.e[i] * (-READING_SCALE[i] if rules.R[i] < np.inf else -0.0)
             for i in range(2):
-                row[_RESIDUAL + i], row[_Q + i] = m.x[i], compensator[Q + i]
+                row[RESIDUAL + i], row[_Q + i] = m.x[i], compensator[Q + i]
                 row[_COMMAND + i] = compensator[COMMAND + i] = command[i]
             told[SPEED], told[OPENING] = command[0], command[1]
             if predict(flat, packed, told, tables) != 0:

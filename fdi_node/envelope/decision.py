@@ -32,10 +32,14 @@ from fdi_node.envelope import jumps
 from fdi_node.envelope.memory import ABRUPT, LARGEST, NIS, TICKS, memory_of, rules_in
 from fdi_node.envelope.quiet import (
     FLOORS,
+    HIGHEST,
     INCONSISTENT,
+    IS_THERE,
+    LOWEST,
     N_ASKED,
     NAMED,
     NATURAL_RATIO,
+    NEVER,
     SETTLE_S,
     SIGMAS,
     UNITS,
@@ -45,6 +49,9 @@ from fdi_node.envelope.unknowns import NATURAL, UNKNOWNS, Unknown
 
 NOT = math.inf
 """Time since when something holds that does not hold."""
+
+
+_BEYOND = ("beyond_n", "beyond_p")
 
 
 @dataclass(frozen=True)
@@ -215,11 +222,7 @@ class EnvelopeDecision:
         self.limits, self._unknowns, self._flat, self._packed = limits, unknowns, flat, packed
         rules = self._rules = rules_in(packed)
         self._memory = memory_of(flat, len(unknowns), len(rules.jumping))
-        self.thresholds, asked = np.zeros(NAMED), np.zeros(N_ASKED)
-        asked[SIGMAS], asked[NATURAL_RATIO], asked[INCONSISTENT] = limits.sigmas, limits.natural, limits.inconsistent
-        asked[FLOORS : FLOORS + NAMED] = limits.floor_rad_s, limits.floor_pa
-        asked[UNITS : UNITS + NAMED] = [one.scale for one in unknowns[:NAMED]]
-        self.asked = asked
+        self.thresholds, self.asked = np.zeros(NAMED), _asked(limits, unknowns)
         self._h, self._quiet_q = float(rules.constants[0]), rules.Q.copy()
         self._positions = [int(i) for i in rules.jumping]
         self._reported = [unknowns[i].reported for i in self._positions]
@@ -239,9 +242,8 @@ class EnvelopeDecision:
         """Conclude from what the observer says at this tick."""
         quiet = is_quiet(self._flat, self._packed, self.asked, self.thresholds)
         thresholds: tuple[float, ...] = tuple(self.thresholds.tolist())
-        if quiet and not self.isolated:  # nothing to look at, as in most ticks
-            self.rest()
-            return Conclusion(thresholds, False, None, math.nan, math.nan, math.nan, None)
+        if quiet:  # as in most ticks
+            return self.rest(time_s, time_s)
         self._time_s = float(self._memory.scalars[TICKS]) * self._h
         if self._time_s > self.asked[SETTLE_S]:
             self._explain(time_s)
@@ -253,10 +255,15 @@ class EnvelopeDecision:
             self._end(time_s)
         return self._conclude(time_s, thresholds)
 
-    def rest(self) -> None:
-        """Forget what seemed likely: in the tick before there was nothing to conclude."""
+    def rest(self, first_s: float, last_s: float) -> Conclusion:
+        """Go over ticks that left nothing to conclude, and return what holds in the last of them."""
         since = self.since
-        since.likely = since.certain = since.ahead = since.inconsistent = since.beyond_n = since.beyond_p = NOT
+        since.likely = since.certain = since.ahead = since.inconsistent = NOT
+        for i, beyond in enumerate(_BEYOND):
+            setattr(since, beyond, min(getattr(since, beyond), first_s) if self.asked[IS_THERE + i] else NOT)
+        for one in self.isolated:
+            one.small_since = NOT
+        return self._conclude(last_s, tuple(self.thresholds.tolist()))
 
     def _deviation(self, unknown: int) -> float:
         """Return the standard deviation of an unknown in its unit."""
@@ -348,6 +355,9 @@ class EnvelopeDecision:
         """Let the estimates of the isolated faults follow them, and those of the others rest."""
         self._rules.Q[:] = self._quiet_q
         self.asked[SETTLE_S] = self.limits.settle_open_s if self.is_open else self.limits.settle_s
+        there = [one.unknown if one.name != UNKNOWN else -1 for one in self.isolated]
+        self.asked[IS_THERE : IS_THERE + NAMED] = [i in there for i in range(NAMED)]
+        self.asked[NEVER] = not all(0 <= i < NAMED for i in there)
         if not self.is_open:
             self._rules.Q[N_STATES + len(UNKNOWNS) :] = 0.0
         for one in self.isolated:
@@ -358,7 +368,7 @@ class EnvelopeDecision:
     def _look_at_estimates(self, time_s: float, thresholds: tuple[float, ...]) -> None:
         limits, since = self.limits, self.since
         known = [one.unknown for one in self.isolated]
-        for i, name in enumerate(("beyond_n", "beyond_p")):
+        for i, name in enumerate(_BEYOND):
             value = float(self._memory.x[i])
             if abs(value) <= thresholds[i] or since.likely < NOT:
                 setattr(since, name, NOT)
@@ -369,8 +379,7 @@ class EnvelopeDecision:
                 continue
             if i not in known:
                 self._add(i, self._reported[i], began, time_s)
-            low, high = ((limits.lowest_rad_s, limits.highest_rad_s), (-limits.largest_pa, limits.largest_pa))[i]
-            if not low <= value <= high:
+            if not self.asked[LOWEST + i] <= value <= self.asked[HIGHEST + i]:
                 self._add(-1, UNKNOWN, began, time_s)
 
     def _look_at_consistency(self, time_s: float) -> None:
@@ -426,3 +435,14 @@ def _restored(state: Mapping[str, Any], unknowns: int) -> tuple[list[Isolated], 
     if any(not -1 <= int(one.unknown) < unknowns for one in isolated):
         raise ValueError("an isolated fault that is none of the unknowns")
     return isolated, Since(**state["since"]), bool(state["is_open"])
+
+
+def _asked(limits: Limits, unknowns: tuple[Unknown, ...]) -> NDArray[np.float64]:
+    """Return what `fdi_node.envelope.quiet.is_quiet` is asked, while nothing is isolated."""
+    asked = np.zeros(N_ASKED)
+    asked[SIGMAS], asked[NATURAL_RATIO], asked[INCONSISTENT] = limits.sigmas, limits.natural, limits.inconsistent
+    asked[FLOORS : FLOORS + NAMED] = limits.floor_rad_s, limits.floor_pa
+    asked[UNITS : UNITS + NAMED] = [one.scale for one in unknowns[:NAMED]]
+    asked[LOWEST : LOWEST + NAMED] = limits.lowest_rad_s, -limits.largest_pa
+    asked[HIGHEST : HIGHEST + NAMED] = limits.highest_rad_s, limits.largest_pa
+    return asked

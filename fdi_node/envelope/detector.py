@@ -25,7 +25,7 @@ from ac_plant_node.properties.tables import REFRIGERANTS, load_tables
 from ac_plant_node.saturation import saturation_slope, saturation_temperature
 from fdi_node.detector import Detection
 from fdi_node.envelope import filter as kalman
-from fdi_node.envelope.decision import EnvelopeDecision, Limits
+from fdi_node.envelope.decision import Conclusion, EnvelopeDecision, Limits
 from fdi_node.envelope.memory import NIS, SLOPE, Memory, Rules, memory_of, new_memory, packed, rules_in
 from fdi_node.envelope.model import ENERGY, N_READINGS, READING_SCALE, STATE_SCALE
 from fdi_node.envelope.unknowns import PARAMETERS, UNKNOWNS, Unknown, table
@@ -262,14 +262,9 @@ class EnvelopeDetector:
         decision = self._decision
         return self._flat, self._packed, self._reading, self._told, self._tab, decision.asked, decision.thresholds
 
-    @property
-    def is_quiet(self) -> bool:
-        """Whether there is nothing to conclude in a tick in which nothing stands out (`fdi_node.envelope.quiet`)."""
-        return not self._decision.isolated
-
-    def follow(self) -> None:
-        """Go on from ticks in which nothing stood out, and which other code has done."""
-        self._decision.rest()
+    def follow(self, first_s: float, last_s: float) -> Conclusion:
+        """Go on from quiet ticks that other code has done, and return what holds in the last of them."""
+        return self._decision.rest(first_s, last_s)
 
     def begin_anew(self) -> None:
         """Begin at the rest that is nearest to the last readings: no state near this one goes on inside the tables."""

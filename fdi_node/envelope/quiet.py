@@ -8,16 +8,20 @@ from fdi_node.envelope.memory import LARGEST, NIS, TICKS, memory_of, rules_in
 
 NAMED = 2
 """The first so many unknowns are the faults of `ac_common.faults.ISOLABLE`."""
-SIGMAS, FLOORS, UNITS, NATURAL_RATIO, INCONSISTENT, SETTLE_S = 0, 1, 3, 5, 6, 7
+SIGMAS, FLOORS, UNITS, LOWEST, HIGHEST, IS_THERE = 0, 1, 3, 5, 7, 9
+NATURAL_RATIO, INCONSISTENT, SETTLE_S, NEVER = range(11, 15)
 """Layout of what the question is about: of the named faults' thresholds the standard deviations and what is added to
-them, and the units of both; the likelihood ratio and the mean square from which on there is something; and the time
-after the start until which nothing is concluded."""
-N_ASKED = 8
+them, the units of both, what the faults can be, and which of them are isolated; the likelihood ratio and the mean
+square from which on there is something; the time after the start until which nothing is concluded; and whether what is
+isolated has to be looked at in every tick."""
+N_ASKED = 15
 
 
 @jit
 def is_quiet(flat: Array, packed: Array, asked: Array, thresholds: Array) -> bool:
-    """Return whether neither the estimates of the named faults nor likelihoods nor innovations stand out.
+    """Return whether neither the estimates of the named faults nor likelihoods nor innovations ask for a conclusion.
+
+    The estimate of a fault that is isolated does not as long as it is beyond its threshold.
 
     Parameters
     ----------
@@ -29,12 +33,15 @@ def is_quiet(flat: Array, packed: Array, asked: Array, thresholds: Array) -> boo
     """
     rules = rules_in(packed)
     m = memory_of(flat, rules.rows.shape[0], rules.jumping.shape[0])
-    within = True
+    calm = asked[NEVER] == 0.0
     for i in range(NAMED):
         at = N_STATES + i
         deviation = np.sqrt(max(m.P[at, at], 0.0)) * asked[UNITS + i]
         thresholds[i] = asked[SIGMAS] * deviation + asked[FLOORS + i]
-        within = within and abs(m.x[i]) <= thresholds[i]
+        if asked[IS_THERE + i] != 0.0:
+            calm = calm and abs(m.x[i]) > thresholds[i] and asked[LOWEST + i] <= m.x[i] <= asked[HIGHEST + i]
+        else:
+            calm = calm and abs(m.x[i]) <= thresholds[i]
     is_settled = m.scalars[TICKS] * rules.constants[0] > asked[SETTLE_S]
     explained = m.scalars[LARGEST] < asked[NATURAL_RATIO] and m.scalars[NIS] < asked[INCONSISTENT]
-    return bool(within and is_settled and explained)
+    return bool(calm and is_settled and explained)

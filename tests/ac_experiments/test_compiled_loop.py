@@ -47,6 +47,8 @@ def test_both_loops_are_the_same_to_the_last_bit(name):
     np.testing.assert_array_equal(compiled.made, loop.made)
     assert compiled.events == loop.events
     assert repr(compiled.status) == repr(loop.status)
+    for block in ("_detector", "_compensator"):
+        assert repr(getattr(compiled, block).state()) == repr(getattr(loop, block).state())
     said = {event["what"] for event in loop.events}
     assert {"too dry": TOO_DRY in said, "protected": DRY in said}.get(name, True)
 
