@@ -44,8 +44,7 @@ def _column(beginning: int, h: int, q: int) -> int:
 
 @jit
 def _begin_column(m: Memory, rules: Rules, at: int, h: int) -> None:
-    for i in range(m.V.shape[0]):
-        m.V[i, at] = 0.0
+    """Let a column of V that is zero begin with a jump of its unknown."""
     if rules.prior[h] >= 0.0 and rules.growing[h] == 0.0:
         m.V[N_STATES + int(rules.jumping[h]), at] = 1.0
     m.S[at] = m.d[at] = 0.0
@@ -55,8 +54,12 @@ def _begin_column(m: Memory, rules: Rules, at: int, h: int) -> None:
 def begin(m: Memory, rules: Rules, window: int) -> None:
     """Begin a window anew: what jumps would do so now."""
     q = rules.jumping.shape[0]
+    first, last = window * q, (window + 1) * q
+    for i in range(m.V.shape[0]):
+        for at in range(first, last):
+            m.V[i, at] = 0.0
     for h in range(q):
-        _begin_column(m, rules, window * q + h, h)
+        _begin_column(m, rules, first + h, h)
     m.age[window] = m.telling[window] = 0.0
     m.opening[window] = m.held[OPENING]
 
@@ -72,6 +75,8 @@ def _begin_onset(m: Memory, rules: Rules, tick: int) -> None:
         for i in range(m.V.shape[0]):
             m.V[i, to] = m.V[i, at]
         m.S[to], m.d[to], m.age[kept] = m.S[at], m.d[at], m.age[onset]
+    for i in range(m.V.shape[0]):
+        m.V[i, at] = 0.0
     _begin_column(m, rules, at, ABRUPT)
     m.age[onset] = 0.0
 
@@ -81,8 +86,12 @@ def begin_all(m: Memory, rules: Rules) -> None:
     """Begin all windows anew."""
     for window in range(N_WINDOWS):
         begin(m, rules, window)
+    q = rules.jumping.shape[0]
+    for i in range(m.V.shape[0]):
+        for at in range(N_WINDOWS * q, m.V.shape[1]):
+            m.V[i, at] = 0.0
     for onset in range(N_WINDOWS, N_BEGINNINGS):
-        _begin_column(m, rules, _column(onset, ABRUPT, rules.jumping.shape[0]), ABRUPT)
+        _begin_column(m, rules, _column(onset, ABRUPT, q), ABRUPT)
         m.age[onset] = 0.0
 
 
@@ -162,13 +171,17 @@ def judge(m: Memory, rules: Rules) -> None:
     for window in range(N_WINDOWS):
         m.telling[window] = -np.inf
     for h in range(q):
+        prior, largest = rules.prior[h], _largest(rules, h)
         for window in range(N_WINDOWS):
-            ratio = _ratio(m, rules, window * q + h, h)
+            at = window * q + h
+            ratio = _ratio_of(m.S[at], m.d[at], prior, largest)
             m.telling[window] = max(m.telling[window], ratio)
             if ratio > m.ratios[h]:
                 m.ratios[h], m.best[h] = ratio, window
+    prior, largest = rules.prior[ABRUPT], _largest(rules, ABRUPT)
     for onset in range(N_WINDOWS, N_BEGINNINGS):
-        ratio = _ratio(m, rules, _column(onset, ABRUPT, q), ABRUPT)
+        at = _column(onset, ABRUPT, q)
+        ratio = _ratio_of(m.S[at], m.d[at], prior, largest)
         if ratio > m.ratios[ABRUPT]:
             m.ratios[ABRUPT], m.best[ABRUPT] = ratio, onset
     for h in range(q):
@@ -176,17 +189,28 @@ def judge(m: Memory, rules: Rules) -> None:
 
 
 @jit
+def _largest(rules: Rules, h: int) -> float:
+    return float(LARGEST_JUMP / np.sqrt(rules.prior[h]))
+
+
+@jit
 def _size(m: Memory, rules: Rules, at: int, h: int) -> float:
-    largest = LARGEST_JUMP / np.sqrt(rules.prior[h])
+    largest = _largest(rules, h)
     return float(min(max(m.d[at] / (m.S[at] + rules.prior[h]), -largest), largest))
 
 
 @jit
+def _ratio_of(S: float, d: float, prior: float, largest: float) -> float:
+    if prior < 0.0:
+        return 2.0 * d - S
+    total = S + prior
+    size = min(max(d / total, -largest), largest)
+    return size * (2.0 * d - size * total)
+
+
+@jit
 def _ratio(m: Memory, rules: Rules, at: int, h: int) -> float:
-    if rules.prior[h] < 0.0:
-        return float(2.0 * m.d[at] - m.S[at])
-    total, size = m.S[at] + rules.prior[h], _size(m, rules, at, h)
-    return float(size * (2.0 * m.d[at] - size * total))
+    return float(_ratio_of(m.S[at], m.d[at], rules.prior[h], _largest(rules, h)))
 
 
 @jit
