@@ -249,8 +249,6 @@ class EnvelopeDecision:
             self._explain(time_s)
             self._look_at_estimates(time_s, thresholds)
             self._look_at_consistency(time_s)
-        else:  # what the start leaves behind is not looked at later, either
-            jumps.begin_all(self._memory, self._rules)
         if self.isolated:
             self._end(time_s)
         return self._conclude(time_s, thresholds)

@@ -4,6 +4,7 @@ import numpy as np
 
 from ac_plant_node.dynamics.balances import N_STATES
 from fdi_node.envelope.compiled import Array, jit
+from fdi_node.envelope.jumps import begin_all
 from fdi_node.envelope.memory import LARGEST, NIS, TICKS, memory_of, rules_in
 
 NAMED = 2
@@ -21,7 +22,8 @@ N_ASKED = 15
 def is_quiet(flat: Array, packed: Array, asked: Array, thresholds: Array) -> bool:
     """Return whether neither the estimates of the named faults nor likelihoods nor innovations ask for a conclusion.
 
-    The estimate of a fault that is isolated does not as long as it is beyond its threshold.
+    The estimate of a fault that is isolated does not as long as it is beyond its threshold. For a while after the start
+    nothing does, unless a fault is isolated: what the start leaves behind is forgotten.
 
     Parameters
     ----------
@@ -33,15 +35,18 @@ def is_quiet(flat: Array, packed: Array, asked: Array, thresholds: Array) -> boo
     """
     rules = rules_in(packed)
     m = memory_of(flat, rules.rows.shape[0], rules.jumping.shape[0])
-    calm = asked[NEVER] == 0.0
+    calm = is_healthy = asked[NEVER] == 0.0
     for i in range(NAMED):
         at = N_STATES + i
         deviation = np.sqrt(max(m.P[at, at], 0.0)) * asked[UNITS + i]
         thresholds[i] = asked[SIGMAS] * deviation + asked[FLOORS + i]
         if asked[IS_THERE + i] != 0.0:
+            is_healthy = False
             calm = calm and abs(m.x[i]) > thresholds[i] and asked[LOWEST + i] <= m.x[i] <= asked[HIGHEST + i]
         else:
             calm = calm and abs(m.x[i]) <= thresholds[i]
-    is_settled = m.scalars[TICKS] * rules.constants[0] > asked[SETTLE_S]
+    if not m.scalars[TICKS] * rules.constants[0] > asked[SETTLE_S]:
+        begin_all(m, rules)
+        return bool(is_healthy)
     explained = m.scalars[LARGEST] < asked[NATURAL_RATIO] and m.scalars[NIS] < asked[INCONSISTENT]
-    return bool(calm and is_settled and explained)
+    return bool(calm and explained)
