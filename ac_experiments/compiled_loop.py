@@ -106,7 +106,7 @@ class CompiledLoop(Loop):
         _, detected, isolated, _, onset_s, isolated_s, also = self._observer.follow(times[0], times[-1])
         sizes: Iterable[float] = repeat(np.nan)
         thresholds = self._thresholds[first:last].tolist()
-        if isolated is not None:
+        if isolated in ISOLABLE_KINDS:
             sizes = self.made[first:last, RESIDUAL + ISOLABLE_KINDS.index(isolated)].tolist()
         self.status += [
             StatusRow(time_s, detected, isolated, size, onset_s, isolated_s, (one, other), also)

@@ -19,7 +19,7 @@ from fault_injector_node.injector import ACTUATOR_FAULTS, INLET_FAULTS, SENSOR_F
 from fdi_node.envelope.filter import observe, predict
 from fdi_node.envelope.memory import memory_of, rules_in
 from fdi_node.envelope.model import READING_SCALE
-from fdi_node.envelope.quiet import IS_THERE, is_quiet
+from fdi_node.envelope.quiet import IS_THERE, UNNAMED, is_quiet
 from gimc_controller_node.envelope_compensator import COMMAND, LIMITED, WITHDRAWN, Q, accommodation
 from gimc_controller_node.limited_controller import LAST, with_k0
 from gimc_controller_node.reference_limits import bounds
@@ -95,10 +95,8 @@ def ordinary_ticks(
         As `FallbackController.within`, and the first arguments of `bounds` after the curve, which is `air_curve`.
     flat, packed, reading, told, tables, asked, thresholds
         As `EnvelopeDetector.compiled`.
-    compensator, curve, n, accommodates
-        As `accommodation`.
-    controller, k0, n_k0
-        As `with_k0`.
+    compensator, curve, n, accommodates, controller, k0, n_k0
+        As `accommodation`, and as `with_k0`.
     work, par, sat, vapour, isentrope, liquid, grid, driven, results
         As `ac_plant_node.plant.handed_over`.
     inlets : (2,) array
@@ -110,6 +108,7 @@ def ordinary_ticks(
     """
     rules = rules_in(packed)
     m = memory_of(flat, rules.rows.shape[0], rules.jumping.shape[0])
+    named = 1.0 - asked[UNNAMED]
     for k in range(first, last):
         row, faulty, reference = made[k], faults[k], references[k]
         measured, command = row[READINGS:INLETS_READ], controller[LAST : LAST + 2]
@@ -124,8 +123,8 @@ def ordinary_ticks(
                 return k, CONCLUDE
             found[k, 0], found[k, 1] = thresholds[0], thresholds[1]
             accommodation(
-                compensator, curve, n, m.x[0], m.x[1], int(asked[IS_THERE]), int(asked[IS_THERE + 1]), accommodates,
-                1, measured[0], measured[1], 1, reference[0], reference[1],
+                compensator, curve, n, m.x[0], m.x[1], int(named * asked[IS_THERE]), int(named * asked[IS_THERE + 1]),
+                accommodates, 1, measured[0], measured[1], 1, reference[0], reference[1],
             )  # fmt: skip
             if accommodates != 0:
                 said[k, 0] = 2.0 if compensator[WITHDRAWN] != 0.0 else compensator[LIMITED]

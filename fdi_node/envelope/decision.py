@@ -42,7 +42,10 @@ from fdi_node.envelope.quiet import (
     NEVER,
     SETTLE_S,
     SIGMAS,
+    SMALL,
+    SMALL_SIGMAS,
     UNITS,
+    UNNAMED,
     is_quiet,
 )
 from fdi_node.envelope.unknowns import NATURAL, UNKNOWNS, Unknown
@@ -353,9 +356,10 @@ class EnvelopeDecision:
         """Let the estimates of the isolated faults follow them, and those of the others rest."""
         self._rules.Q[:] = self._quiet_q
         self.asked[SETTLE_S] = self.limits.settle_open_s if self.is_open else self.limits.settle_s
-        there = [one.unknown if one.name != UNKNOWN else -1 for one in self.isolated]
+        there = [one.unknown for one in self.isolated]
         self.asked[IS_THERE : IS_THERE + NAMED] = [i in there for i in range(NAMED)]
-        self.asked[NEVER] = not all(0 <= i < NAMED for i in there)
+        self.asked[NEVER], self.asked[UNNAMED] = -1 in there, max(there, default=0) >= NAMED
+        self.asked[N_ASKED + NAMED :] = [i in there for i in range(NAMED, len(self._unknowns))]
         if not self.is_open:
             self._rules.Q[N_STATES + len(UNKNOWNS) :] = 0.0
         for one in self.isolated:
@@ -396,7 +400,7 @@ class EnvelopeDecision:
         if unknown < NAMED:
             floor = (self.limits.floor_rad_s, self.limits.floor_pa)[unknown]
             return value < 0.5 * floor + 2.0 * self._deviation(unknown)
-        return value < 0.3 * self._unknowns[unknown].scale + 2.0 * self._deviation(unknown)
+        return value < SMALL * self._unknowns[unknown].scale + SMALL_SIGMAS * self._deviation(unknown)
 
     def _end(self, time_s: float) -> None:
         """Forget the faults that are over."""
@@ -437,7 +441,7 @@ def _restored(state: Mapping[str, Any], unknowns: int) -> tuple[list[Isolated], 
 
 def _asked(limits: Limits, unknowns: tuple[Unknown, ...]) -> NDArray[np.float64]:
     """Return what `fdi_node.envelope.quiet.is_quiet` is asked, while nothing is isolated."""
-    asked = np.zeros(N_ASKED)
+    asked = np.zeros(N_ASKED + len(unknowns))
     asked[SIGMAS], asked[NATURAL_RATIO], asked[INCONSISTENT] = limits.sigmas, limits.natural, limits.inconsistent
     asked[FLOORS : FLOORS + NAMED] = limits.floor_rad_s, limits.floor_pa
     asked[UNITS : UNITS + NAMED] = [one.scale for one in unknowns[:NAMED]]

@@ -14,6 +14,7 @@ from gimc_controller_node.reference_limits import TOO_DRY
 
 SPEED = {"kind": "compressor_speed", "size_rpm": 40.0, "onset_s": 60.0, "end_s": 120.0}
 PRESSURE = {"kind": "evaporator_pressure", "size_kpa": 5.0, "onset_s": 90.0}
+SUPERHEAT = {"kind": "superheat_sensor", "size_k": 3.0, "onset_s": 60.0}
 COMPONENT = {"kind": "condenser_fouling", "size_percent": 50.0, "onset_s": 30.0, "end_s": 60.0}
 INLET = {"kind": "air_inlet_sensor", "size_k": 4.0, "onset_s": 60.0, "end_s": 70.0}
 DRY_AIR = {"air": {"inlet_temperature_k": [{"at_s": 0.0, "to": -5.0, "ramp_s": 30.0}]}}
@@ -22,6 +23,7 @@ CASES = {
     "healthy": {},
     "faults": {"faults": [SPEED, PRESSURE, COMPONENT]},
     "inlet": {"faults": [INLET]},
+    "no name": {"faults": [SUPERHEAT, PRESSURE]},
     "too dry": {"operating_point": "low", **DRY_AIR, **HIGHER},
     "protected": {"air": {"mass_flow_percent": [{"at_s": 30.0, "to": -85.0}, {"at_s": 60.0, "to": 0.0}]}},
     "passive": {"passive": True, "faults": [PRESSURE]},
