@@ -2,7 +2,8 @@
 
 Numba's own cache watches only the file a function is written in. An integrator has the right-hand side of another file
 compiled into it, so an edit there would go unnoticed. Here the cache folder is named by a hash of every source that
-takes part: an edit anywhere compiles anew, and a stale function can never run.
+takes part: an edit anywhere compiles anew, and a stale function can never run. Where the sources are does not matter:
+every copy of them shares what one has compiled.
 
 The plant is always compiled (`compiler`). What a tick of detector, compensator and controller does (`step_compiler`) is
 compiled where many ticks are run in one process. A node, which has a tenth of a second for each, leaves it to Python:
@@ -10,8 +11,10 @@ numba takes 130 MB and more than half a second of each process that loads it. Op
 and so are the numbers, to the last bit.
 """
 
+import os
 from collections.abc import Callable
-from functools import update_wrapper
+from functools import cache, update_wrapper
+from pathlib import Path
 from types import FunctionType
 from typing import Any, cast
 
@@ -99,9 +102,50 @@ class _Step:
 def _compiled(function: Any, folder: str) -> Any:
     import numba  # not in a node that can do without it
 
-    previous = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = folder
+    config = numba.config
+    previous = config.CACHE_DIR, getattr(config, "CACHE_LOCATOR_CLASSES", "")  # an old numba has a place for each path
+    config.CACHE_DIR, config.CACHE_LOCATOR_CLASSES = folder, f"{__name__}.{Place.__name__}"
     try:
-        return numba.njit(function, cache=True, error_model="numpy", fastmath=False)
+        return numba.njit(function, cache=_takes_files(folder), error_model="numpy", fastmath=False)
     finally:
-        numba.config.CACHE_DIR = previous
+        config.CACHE_DIR, config.CACHE_LOCATOR_CLASSES = previous
+
+
+@cache
+def _takes_files(folder: str) -> bool:
+    """Whether there can be compiled code in a folder; where there cannot, it is made by every process."""
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    return os.access(folder, os.W_OK | os.X_OK)
+
+
+class Place:
+    """Where numba keeps a compiled function: in a folder that is named by its sources, wherever these are."""
+
+    def __init__(self, folder: Path, line: int) -> None:
+        self._folder, self._line = folder, line
+
+    @classmethod
+    def from_function(cls, function: FunctionType, _file: str) -> "Place":
+        """Return the place of a function."""
+        import numba
+
+        return cls(Path(numba.config.CACHE_DIR) / function.__module__, function.__code__.co_firstlineno)
+
+    def ensure_cache_path(self) -> None:
+        """Make the folder."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+
+    def get_cache_path(self) -> str:
+        """Return the folder."""
+        return str(self._folder)
+
+    def get_source_stamp(self) -> str:
+        """Return what changes with the sources: nothing, since the folder does."""
+        return ""
+
+    def get_disambiguator(self) -> str:
+        """Return what tells functions of one name apart."""
+        return str(self._line)

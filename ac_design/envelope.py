@@ -103,7 +103,7 @@ def design_envelope_fdi(
         for one in UNKNOWNS + (PARAMETERS if parameters != KNOWN else ())
     ]
     return EnvelopeDesign(
-        parameters=plant.array.copy(),
+        parameters=plant.values,
         refrigerant=float(REFRIGERANTS.index(plant.refrigerant)),
         start_states=np.array([rest.conserved for rest in rests]),
         start_inputs=np.array([held_inputs(rest.inputs, plant)[:N_INPUTS] for rest in rests]),

@@ -101,9 +101,9 @@ def solve_point(row: TableRow, parameters: Parameters, tab: Tables) -> Calibrate
             eta_v_offset=values[10], eta_v_pressure_ratio=0.0, eta_v_speed=0.0,
             valve_area_0_m2=values[11], valve_area_1_m2=0.0, valve_area_2_m2=0.0,
         )  # fmt: skip
-        balances.conserved(x, trial.array, tab, s)
+        balances.conserved(x, trial.values, tab, s)
         guess[:] = pe, x[7]
-        balances.rhs(s, drive(w, trial), trial.array, tab, guess, z, ds, aux)
+        balances.rhs(s, drive(w, trial), trial.values, tab, guess, z, ds, aux)
         out: NDArray[np.float64] = ds / row_scale
         out[5] = (s[0] + s[5] - parameters["charge_kg"]) / 1e-2
         return out

@@ -51,14 +51,14 @@ class CoolPropModel:
     def rates(self, s: NDArray[np.float64], w: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the rates (12,) of an integration state; the auxiliary results are in `aux` afterwards."""
         self._rhs(
-            s, drive(w, self.parameters), self.parameters.array, self.tab, self._guess, self._z, self._ds, self.aux
+            s, drive(w, self.parameters), self.parameters.values, self.tab, self._guess, self._z, self._ds, self.aux
         )
         return self._ds.copy()
 
     def conserved(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the integration state (12,) of a public state x with all five zones."""
         s = np.zeros(balances.N_STATES)
-        self._conserved(x, self.parameters.array, self.tab, s)
+        self._conserved(x, self.parameters.values, self.tab, s)
         return s
 
 

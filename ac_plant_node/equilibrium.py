@@ -70,9 +70,9 @@ def rates(
     """
     guess, z, ds, aux = balances.new_workspace()
     s = np.zeros(balances.N_STATES)
-    balances.conserved(x, parameters.array, tab, s)
+    balances.conserved(x, parameters.values, tab, s)
     guess[:] = x[1], x[7]
-    balances.rhs(s, drive(inputs, parameters, faults), parameters.array, tab, guess, z, ds, aux)
+    balances.rhs(s, drive(inputs, parameters, faults), parameters.values, tab, guess, z, ds, aux)
     return s, ds, aux
 
 
@@ -130,10 +130,10 @@ def _settled(
     s = np.zeros(balances.N_STATES)
     for _ in range(50):  # less two-phase, more subcooled length: more charge
         x[6] = 0.5 * (low + high)
-        balances.conserved(x, parameters.array, tab, s)
+        balances.conserved(x, parameters.values, tab, s)
         low, high = (x[6], high) if s[0] + s[5] > parameters["charge_kg"] else (low, x[6])
     work = integrator.new_work(s)
-    integrator.run(work, parameters.array, tab, held_inputs(w, parameters), 1500.0, np.empty(4))
+    integrator.run(work, parameters.values, tab, held_inputs(w, parameters), 1500.0, np.empty(4))
     return workspace.views(work).aux[:12].copy()
 
 

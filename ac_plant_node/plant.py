@@ -105,7 +105,7 @@ class Plant:
         tolerance: float = integrator.DEFAULT_TOLERANCE,
     ) -> None:
         self._parameters = parameters or load_parameters()
-        self._par = self._parameters.array
+        self._par = self._parameters.values
         self._tab = load_tables(self._parameters.refrigerant)
         self._array = integrator.new_work(state, tolerance)
         self._work = workspace.views(self._array)

@@ -118,5 +118,5 @@ def drive(
         SI, in the order of `ac_plant_node.inputs.FAULTS`; none by default.
     """
     w = np.zeros(N_DRIVE)
-    set_drive(held_inputs(inputs, parameters, faults), parameters.array, w)
+    set_drive(held_inputs(inputs, parameters, faults), parameters.values, w)
     return w

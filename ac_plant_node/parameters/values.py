@@ -125,6 +125,11 @@ class Parameters:
     source: str = "built in"
     points: tuple[TableRow, ...] = TABLE_I
 
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """Return the values in an array of the caller's own: for read-only ones all would be compiled a second time."""
+        return self.array.copy()
+
     def __getitem__(self, name: str) -> float:
         return float(self.array[INDEX[name]])
 

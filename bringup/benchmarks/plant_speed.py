@@ -90,7 +90,7 @@ def rhs_time_us(n: int = 10000, humidity: float = 0.0) -> float:
     w = drive(np.array([*point.inputs, *outside, humidity]), parameters)
 
     def loop(count: int = n) -> None:
-        _rhs_loop(point.conserved.copy(), w, parameters.array, tab, guess, z, ds, aux, count, 1.0 + 1.0e-4)
+        _rhs_loop(point.conserved.copy(), w, parameters.values, tab, guess, z, ds, aux, count, 1.0 + 1.0e-4)
 
     loop(10)
     return _best(loop, 60) / n * 1.0e6

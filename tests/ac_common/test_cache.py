@@ -1,5 +1,6 @@
 """A design is taken from the cache only when everything that decides it is the same."""
 
+import importlib
 import os
 import subprocess
 import sys
@@ -87,6 +88,39 @@ def test_a_damaged_file_is_computed_anew(design, tmp_path):
     file.write_bytes(file.read_bytes()[:50])
     assert design("med", 0.1) == 2
     assert np.load(file)["number"] == 2
+
+
+COMPILED = """
+from ac_common.compiled import compiler
+@compiler("compiled_somewhere")
+def twice(x):
+    return 2.0 * x
+"""
+
+
+def test_a_copy_of_the_sources_shares_what_is_compiled(tmp_path, monkeypatch):
+    monkeypatch.setenv("ACFTC_CACHE_DIR", str(tmp_path / "cache"))
+    found = {}
+    for place, text in (("first", COMPILED), ("copy", COMPILED), ("changed", COMPILED.replace("2.0", "3.0"))):
+        (tmp_path / place).mkdir()
+        (tmp_path / place / "compiled_somewhere.py").write_text(text)
+        with monkeypatch.context() as patch:
+            patch.syspath_prepend(tmp_path / place)
+            patch.delitem(sys.modules, "compiled_somewhere", raising=False)
+            twice = importlib.import_module("compiled_somewhere").twice
+            found[place] = twice(4.0), sum(twice.stats.cache_hits.values())
+    sys.modules.pop("compiled_somewhere", None)
+    assert found == {"first": (8.0, 0), "copy": (8.0, 1), "changed": (12.0, 0)}
+
+
+def test_where_nothing_can_be_written_it_is_compiled_all_the_same(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    (tmp_path / "compiled_somewhere.py").write_text(COMPILED)
+    monkeypatch.setenv("ACFTC_CACHE_DIR", str(tmp_path / "file" / "below"))
+    monkeypatch.syspath_prepend(tmp_path)
+    twice = importlib.import_module("compiled_somewhere").twice
+    sys.modules.pop("compiled_somewhere", None)
+    assert twice(4.0) == 8.0
 
 
 @pytest.mark.slow

@@ -38,7 +38,7 @@ def by_radau(point: str, inputs: NDArray[np.float64]) -> NDArray[np.float64]:
     for w in [drive(held, par) for held in inputs]:
 
         def rates(_t: float, s: NDArray[np.float64], w: NDArray[np.float64] = w) -> NDArray[np.float64]:
-            balances.rhs(s, w, par.array, tab, guess, z, ds, aux)
+            balances.rhs(s, w, par.values, tab, guess, z, ds, aux)
             return ds.copy()
 
         state = solve_ivp(rates, (0.0, T), state, method="Radau", rtol=1e-9, atol=1e-9 * ERROR_SCALE).y[:, -1]
