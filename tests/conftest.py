@@ -17,6 +17,15 @@ WORKER = "PYTEST_XDIST_WORKER"
 #: Markers of the tests that go one after the other. Those on the clock first: who steps back stays there.
 GRAPHS = ("clock", "ros")
 
+#: Files whose tests together take more than some seconds: of these a developer runs the ones of what has changed.
+LONG = {
+    "accommodation", "authority", "bad_inputs", "blas_threads", "cabin", "cache", "car_in_the_box", "car_runs",
+    "car_table", "cli", "cli_study", "colcon", "comparison_page", "designs", "figures", "foreign_bags", "hinfsyn",
+    "jumping_inputs", "loop_stability", "mending", "messages", "new_fault", "own_plant", "paper_controller",
+    "protection", "report", "report_page", "resources", "scales", "simulate", "step_response", "study_engine",
+    "study_results", "study_statistics", "thresholds", "zones",
+}  # fmt: skip
+
 # The first call of much takes its time: a compiled function, a message of a type, a file from the disk.
 settings.register_profile("here", deadline=None)
 settings.load_profile("here")
@@ -24,7 +33,13 @@ settings.load_profile("here")
 
 @pytest.hookimpl(tryfirst=True)  # before pytest-xdist looks for groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """With `-n 2` graphs on the wall clock go one after the other, all other graphs likewise, the rest by files."""
+    """With `-n 2` graphs on the wall clock go one after the other, all other graphs likewise, the rest by files.
+
+    `quick` are all tests that start no graph and take no time, so that `pytest -m quick` does not, either.
+    """
+    for item in items:
+        if not any(_is(item, kind) for kind in (*GRAPHS, "slow")) and item.path.stem.removeprefix("test_") not in LONG:
+            item.add_marker("quick")
     if WORKER in os.environ:
         items.sort(key=lambda item: (not _is(item, "clock"), not _is(item, "ros")))
         for item in items:
