@@ -46,6 +46,8 @@ from bringup.dash.view import View
 
 #: Time between two updates, ms.
 UPDATE_MS = 100
+#: A plot is about so many pixels wide: it is drawn anew when it has moved by one, since nobody sees less.
+WIDTH_PX = 400
 #: Texts with figures change more slowly than plots, or nobody could read them; s.
 TEXT_PERIOD_S = 0.5
 #: A browser that has drawn nothing for so long, s, gets another update all the same: its answer may be lost.
@@ -139,7 +141,7 @@ class _Page:
         self._link, self._problem, self._session = link, problem, session
         self._was_open = False
         self._seen = (0, 0)
-        self._texts_s = -math.inf
+        self._texts_s = self._plots_s = -math.inf
         self._zones: dict[str, float] = {}
         self._rest_of = ""
         self._source = ColumnDataSource(columns_of([]), name="rows")
@@ -156,12 +158,12 @@ class _Page:
         # the background, would fall behind more and more, and its clicks with it.
         self._sent = self._drawn = 0
         self._sent_s = -math.inf
-        answer = CustomJS(
-            args={"source": self._source, "time": self._time},
-            code="requestAnimationFrame(() => { time.tags = source.tags })",
-        )
-        self._source.js_on_change("tags", answer)
-        self._time.on_change("tags", lambda _attr, _old, new: self._answered(new))
+        # Marks of the rows themselves, or of their axis, would make it draw all plots each time they change.
+        self._mark, answer = ColumnDataSource(), ColumnDataSource()
+        code = "requestAnimationFrame(() => { answer.tags = mark.tags })"
+        self._mark.js_on_change("tags", CustomJS(args={"mark": self._mark, "answer": answer}, code=code))
+        answer.on_change("tags", lambda _attr, _old, new: self._answered(new))
+        window.tags = [self._mark]  # so that the browser has it
         self._lamps, self._readouts, self._said, self._happenings = (
             Div(name=name, sizing_mode="stretch_width", margin=0, stylesheets=[_TEXT])
             for name in ("lamps", "readouts", "said", "happenings")
@@ -187,16 +189,11 @@ class _Page:
             return
         self._sent += 1
         self._sent_s = now
-        self._source.tags = [self._sent]
+        self._mark.tags = [self._sent]
         view = self._link.view()
-        generation, count, rows = self._link.rows.since(*self._seen)
-        if generation != self._seen[0]:
-            self._source.data = columns_of(rows[-self._rows :])
-        elif rows:
-            self._source.stream(columns_of(rows), rollover=self._rows)
-        self._seen = generation, count
-        if rows:
-            self._show_cycle(view)
+        if now - self._plots_s >= self._rows * ROW_PERIOD_S / WIDTH_PX:
+            self._plots_s = now
+            self._show_rows(view)
         for control in self._controls:
             control.show(view)
         _set_text(self._lamps, lamps(view, self._problem()))
@@ -208,6 +205,16 @@ class _Page:
             _set_text(self._happenings, happenings(events, view))
             if (at := marks(events)) != self._event_source.data["t"]:
                 self._event_source.data = {"t": at}
+
+    def _show_rows(self, view: View) -> None:
+        generation, count, rows = self._link.rows.since(*self._seen)
+        if generation != self._seen[0]:
+            self._source.data = columns_of(rows[-self._rows :])
+        elif rows:
+            self._source.stream(columns_of(rows), rollover=self._rows)
+        self._seen = generation, count
+        if rows:
+            self._show_cycle(view)
 
     def _is_left(self) -> bool:
         """Return whether the browser has gone; what the server keeps for it then goes, too, and not a minute later."""
@@ -225,7 +232,8 @@ class _Page:
     def _show_last(self, seconds: int) -> None:
         self._time.follow_interval = self._time.default_span = float(seconds)
         self._rows = round(seconds / ROW_PERIOD_S) + 1
-        self._seen = (0, 0)  # with the next update all of them come, also those that had been left out
+        # With the next update all of them come, also those that had been left out.
+        self._seen, self._plots_s = (0, 0), -math.inf
 
     def _show_cycle(self, view: View) -> None:
         newest = self._link.rows.newest

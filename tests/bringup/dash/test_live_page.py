@@ -102,6 +102,7 @@ def test_all_other_faults_are_offered_and_a_sensor_sticks(page: Page) -> None:
 
 def test_references_and_air_follow_what_is_typed(page: Page) -> None:
     rest = newest(page, "superheat_reference"), newest(page, "air_flow")
+    page.get_by_label("within, s").fill("5")
     page.get_by_label("SH reference, K").fill("-2.5")
     page.get_by_label("blower, %").fill("10")
     page.get_by_label("blower, %").press("Enter")
@@ -111,6 +112,7 @@ def test_references_and_air_follow_what_is_typed(page: Page) -> None:
     until(lambda: math.isclose(newest(page, "air_flow"), 1.1 * rest[1]), "the air stays")
     click(page, "Back to zero")
     until(lambda: (newest(page, "superheat_reference"), newest(page, "air_flow")) == rest, "they do not come back")
+    page.get_by_label("within, s").fill("20")
 
 
 def test_a_number_out_of_range_is_not_sent(page: Page) -> None:
@@ -138,6 +140,25 @@ def test_accommodation_is_switched_off_and_on(page: Page) -> None:
     expect(lamp(page, "accommodating")).to_have_text("accommodation off")
     click(page, "Switch accommodation on")
     is_lit(page, "accommodating")
+
+
+def test_only_the_chosen_time_is_sent_and_drawn(page: Page) -> None:
+    """What is not shown costs the browser nothing; it comes back when it is asked for."""
+
+    def oldest_s() -> float:
+        return float(
+            page.evaluate(
+                "(({ data }) => (data.get?.('t') ?? data.t)[0])(Bokeh.documents[0].get_model_by_name('rows'))"
+            )
+        )
+
+    until(lambda: newest(page, "t") > 35.0, "the loop stands still")
+    first_s = oldest_s()
+    click(page, "30 s")
+    until(lambda: newest(page, "t") - oldest_s() < 31.0, "it holds more than it shows")
+    click(page, "300 s")
+    until(lambda: oldest_s() <= first_s, "what had been left out does not come back")
+    click(page, "120 s")
 
 
 def test_a_paused_loop_stands_still_and_goes_on(page: Page) -> None:
@@ -170,25 +191,6 @@ def test_a_dead_node_is_started_again_and_the_page_says_so(page: Page) -> None:
     is_lit(page, "isolated_f_p")
     click(page, "Stop f_p")
     expect(page.get_by_role("button", name="Inject f_p")).to_be_visible()
-
-
-def test_only_the_chosen_time_is_sent_and_drawn(page: Page) -> None:
-    """What is not shown costs the browser nothing; it comes back when it is asked for."""
-
-    def oldest_s() -> float:
-        return float(
-            page.evaluate(
-                "(({ data }) => (data.get?.('t') ?? data.t)[0])(Bokeh.documents[0].get_model_by_name('rows'))"
-            )
-        )
-
-    until(lambda: newest(page, "t") > 35.0, "the loop stands still")
-    first_s = oldest_s()
-    click(page, "30 s")
-    until(lambda: newest(page, "t") - oldest_s() < 31.0, "it holds more than it shows")
-    click(page, "300 s")
-    until(lambda: oldest_s() <= first_s, "what had been left out does not come back")
-    click(page, "120 s")
 
 
 def test_the_load_moves_with_a_click_without_a_false_alarm_and_reset_puts_all_back(page: Page) -> None:
