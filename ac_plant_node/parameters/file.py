@@ -5,6 +5,7 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -51,12 +52,17 @@ def load_parameters(path: str | Path | None = None) -> Parameters:
         return another
     own = path if path is not None else os.environ.get(PLANT_VARIABLE) or None
     if own is None:
-        known = shipped()
-        return _parameters(known["refrigerant"], {name: float(known[name]["value"]) for name in NAMES})
+        return _as_shipped()
     from ac_plant_node.parameters.schema import checked_plant  # the schema's library takes a while to load
 
     refrigerant, values, points = checked_plant(Path(own))
     return _parameters(refrigerant, values, str(own), points)
+
+
+@cache
+def _as_shipped() -> Parameters:
+    known = shipped()
+    return _parameters(known["refrigerant"], {name: float(known[name]["value"]) for name in NAMES})
 
 
 def _parameters(
