@@ -47,7 +47,10 @@ def figure(charts: Sequence[Chart], columns: int = 2, sizes: Sizes = WIDE) -> An
     rows = math.ceil(len(charts) / columns)
     height = sizes.top + rows * (sizes.plot + sizes.gap) - sizes.gap + sizes.bottom
     area = height - sizes.top - sizes.bottom
-    drawn = go.Figure()
+    # All at once in the end: plotly looks through those that are there with each that is added.
+    traces: list[Any] = []
+    shapes: list[dict[str, Any]] = []
+    titles: list[dict[str, Any]] = []
     layout: dict[str, Any] = {}
     for number, chart in enumerate(charts):
         row, column = divmod(number, columns)
@@ -66,44 +69,49 @@ def figure(charts: Sequence[Chart], columns: int = 2, sizes: Sizes = WIDE) -> An
             "font": {"size": sizes.legend},
             "itemsizing": "trace",
         }
-        drawn.add_annotation(
-            text=f"<b>{chart.title}</b>",
-            x=left,
-            y=top + sizes.title_above / area,
-            xref="paper",
-            yref="paper",
-            xanchor="left",
-            yanchor="bottom",
-            showarrow=False,
-            font={"size": sizes.title},
+        titles.append(
+            {
+                "text": f"<b>{chart.title}</b>",
+                "x": left,
+                "y": top + sizes.title_above / area,
+                "xref": "paper",
+                "yref": "paper",
+                "xanchor": "left",
+                "yanchor": "bottom",
+                "showarrow": False,
+                "font": {"size": sizes.title},
+            }
         )
-        for rank, curve in enumerate(chart.curves):
-            drawn.add_trace(_line(curve, axis, 30 - rank))  # listed from the one on top down
-        for points in chart.points:
-            drawn.add_trace(_markers(points, axis))
+        traces += [_line(curve, axis, 30 - rank) for rank, curve in enumerate(chart.curves)]  # the one on top first
+        traces += [_markers(points, axis) for points in chart.points]
         for span in chart.spans:
-            drawn.add_shape(
-                **_upright(axis, span.start, span.stop),
-                type="rect",
-                fillcolor=span.colour,
-                opacity=SHADE,
-                line_width=0,
-            )
+            look = {"type": "rect", "fillcolor": span.colour, "opacity": SHADE, "line": {"width": 0}}
+            shapes.append(_upright(axis, span.start, span.stop) | look)
         for mark in chart.marks:
             line = {"color": mark.colour, "dash": mark.dash, "width": 1.2}
-            drawn.add_shape(**_upright(axis, mark.at, mark.at), type="line", line=line)
-    _explain_marks(drawn, charts, layout, len(charts) + 1, height)
-    drawn.update_layout(
-        **layout,
-        height=height,
-        margin={"l": sizes.left, "r": 12, "t": sizes.top, "b": sizes.bottom},
-        font={"family": _FONT, "size": 12, "color": "#1a1a1a"},
-        plot_bgcolor="white",
-        paper_bgcolor="white",
-        hovermode="x unified",
-        dragmode="zoom",
-    )
-    return drawn
+            shapes.append(_upright(axis, mark.at, mark.at) | {"type": "line", "line": line})
+    traces += _explained_marks(charts, len(charts) + 1)
+    layout[f"legend{len(charts) + 1}"] = {
+        "orientation": "h",
+        "x": 0.0,
+        "xanchor": "left",
+        "y": 1.0 - 4 / height,
+        "yref": "container",
+        "yanchor": "top",
+        "font": {"size": 12, "color": BLACK},
+        "itemclick": False,
+        "itemdoubleclick": False,
+    }
+    layout |= {
+        "height": height,
+        "margin": {"l": sizes.left, "r": 12, "t": sizes.top, "b": sizes.bottom},
+        "font": {"family": _FONT, "size": 12, "color": "#1a1a1a"},
+        "plot_bgcolor": "white",
+        "paper_bgcolor": "white",
+        "hovermode": "x unified",
+        "dragmode": "zoom",
+    }
+    return go.Figure(traces, {**layout, "shapes": shapes, "annotations": titles})
 
 
 def _upright(axis: str, start: float, stop: float) -> dict[str, Any]:
@@ -173,42 +181,28 @@ def _markers(points: Points, axis: str) -> Any:
     )
 
 
-def _explain_marks(drawn: Any, charts: Sequence[Chart], layout: dict[str, Any], number: int, height: int) -> None:
-    """One legend above the whole: what the vertical lines and the shaded times are."""
+def _explained_marks(charts: Sequence[Chart], number: int) -> list[Any]:
+    """Return the traces of one legend above the whole: what the vertical lines and the shaded times are."""
+    look = {"x": [None], "y": [None], "legend": f"legend{number}", "hoverinfo": "skip"}
     spans = {span.name: span for chart in charts for span in chart.spans}
-    for span in spans.values():
-        drawn.add_trace(
+    marks = {mark.name: mark for chart in charts for mark in chart.marks}
+    return [
+        *(
             go.Scatter(
-                x=[None],
-                y=[None],
                 name=span.name,
                 mode="markers",
                 marker={"symbol": "square", "size": 12, "color": span.colour, "opacity": 2 * SHADE},
-                legend=f"legend{number}",
-                hoverinfo="skip",
+                **look,
             )
-        )
-    marks = {mark.name: mark for chart in charts for mark in chart.marks}
-    for mark in marks.values():
-        drawn.add_trace(
+            for span in spans.values()
+        ),
+        *(
             go.Scatter(
-                x=[None],
-                y=[None],
                 name=mark.name,
                 mode="lines",
                 line={"color": mark.colour, "dash": mark.dash, "width": 1.6},
-                legend=f"legend{number}",
-                hoverinfo="skip",
+                **look,
             )
-        )
-    layout[f"legend{number}"] = {
-        "orientation": "h",
-        "x": 0.0,
-        "xanchor": "left",
-        "y": 1.0 - 4 / height,
-        "yref": "container",
-        "yanchor": "top",
-        "font": {"size": 12, "color": BLACK},
-        "itemclick": False,
-        "itemdoubleclick": False,
-    }
+            for mark in marks.values()
+        ),
+    ]
