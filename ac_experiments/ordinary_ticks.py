@@ -19,7 +19,7 @@ from fault_injector_node.injector import ACTUATOR_FAULTS, INLET_FAULTS, SENSOR_F
 from fdi_node.envelope.filter import observe, predict
 from fdi_node.envelope.memory import memory_of, rules_in
 from fdi_node.envelope.model import READING_SCALE
-from fdi_node.envelope.quiet import IS_THERE, UNNAMED, is_quiet
+from fdi_node.envelope.quiet import IS_THERE, UNNAMED, leaves_nothing
 from gimc_controller_node.envelope_compensator import COMMAND, LIMITED, WITHDRAWN, Q, accommodation
 from gimc_controller_node.limited_controller import LAST, with_k0
 from gimc_controller_node.reference_limits import bounds
@@ -119,7 +119,7 @@ def ordinary_ticks(
             told[AIR_C], told[_CONDENSER_AIR_C] = row[INLETS_READ], row[INLETS_READ + 1]
             observe(flat, packed, reading, told, tables)
             is_safe = measured[0] >= within[0] and measured[1] >= within[1] and measured[3] <= within[2]
-            if may_act == 0 or changes[k] != 0.0 or not is_safe or not is_quiet(flat, packed, asked, thresholds):
+            if may_act == 0 or changes[k] != 0.0 or not is_safe or not leaves_nothing(m, rules, asked, thresholds):
                 return k, CONCLUDE
             found[k, 0], found[k, 1] = thresholds[0], thresholds[1]
             accommodation(
