@@ -1,0 +1,94 @@
+"""How well a small fault of the pressure sensor can be told from one of the compressor at best, along random drives.
+
+    python -m docs.tools.envelope_bound 10050 14
+
+A detector that knew when a fault begins and how large it is, and that had only to say whether it is 0.4 kPa of the
+sensor or whatever fault of the compressor looks most alike, would compare two known signals in white noise: with `G_N`
+and `G_p` what either fault does to the innovations and S their covariance,
+
+    J = 0.4 kPa^2 (S_pp - S_Np^2 / S_NN),   S_ij = sum over ticks of G_i' S^-1 G_j
+
+is the deflection of their likelihood ratio (Kay, Fundamentals of Statistical Signal Processing II, 1998, ch. 4), and
+``Phi(sqrt(J) / 2)`` the probability that it says the right name. No detector on the same observer has a higher one.
+"""
+
+import argparse
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from ac_common.units import KPA, RPM
+from ac_experiments.designs import designs_of
+from ac_experiments.scenario import load
+from ac_experiments.simulate import simulate
+from ac_plant_node.dynamics.balances import N_STATES
+from docs.tools.envelope_tables import ONSET_S
+from fdi_node.envelope import EnvelopeDesign, EnvelopeDetector
+from fdi_node.envelope.filter import SHORT_R
+from fdi_node.envelope.memory import DOUBT
+
+SIZE_PA, WITHIN_S = 0.4 * KPA, 60.0
+_READ = (
+    "measured/evaporator_pressure", "measured/superheat", "measured/wall_temperature", "measured/condenser_pressure",
+    "measured/air_inlet_temperature", "measured/condenser_air_inlet_temperature",
+    "controller/command:compressor", "controller/command:expansion_valve",
+)  # fmt: skip
+
+
+def information(design: EnvelopeDesign, ticks: NDArray[np.float64], onset: int) -> NDArray[np.float64]:
+    """Return S (2, 2) [1/(rad/s), 1/Pa, squared] of jumps of f_N and f_p at a tick, to the last one.
+
+    Parameters
+    ----------
+    design : EnvelopeDesign
+    ticks : ndarray, shape (n, 8)
+        Readings, inlet temperatures and commands.
+    onset : int
+    """
+    detector = EnvelopeDetector(design)
+    m, scales = detector.memory, detector.rules.rows[:2, 2]
+    V, found = np.zeros((len(m.P), 2)), np.zeros((2, 2))
+    V[N_STATES : N_STATES + 2] = np.eye(2)
+    for k, tick in enumerate(ticks):
+        P = m.P.copy()
+        detector.observe(k * design.sample_time_s, tick[:4], tick[4], tick[5])
+        if k >= onset:
+            R = np.diag(detector.rules.R + m.scalars[DOUBT] ** 2 * SHORT_R)
+            gain, G = np.linalg.solve(m.C @ P @ m.C.T + R, m.C @ P), m.C @ V
+            found += G.T @ np.linalg.solve(m.C @ P @ m.C.T + R, G)
+            V -= gain.T @ G
+        detector.commanded(tick[6:])
+        if k >= onset:
+            V[:N_STATES] = m.F @ V
+    return np.asarray(found / np.outer(scales, scales))
+
+
+def deflection(S: NDArray[np.float64]) -> tuple[float, float]:
+    """Return J, and the size [rad/s] of the fault of the compressor that looks most like `SIZE_PA`."""
+    return SIZE_PA**2 * float(S[1, 1] - S[0, 1] ** 2 / S[0, 0]), SIZE_PA * float(S[0, 1] / S[0, 0])
+
+
+def main() -> None:
+    """Print the bound for each drive, and its mean."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("first", type=int)
+    parser.add_argument("count", type=int)
+    given = parser.parse_args()
+    right = []
+    for seed in range(given.first, given.first + given.count):
+        drive = load(f"drive:{seed}", [f"duration_s={ONSET_S + WITHIN_S:g}"])
+        designs = designs_of(drive)
+        assert isinstance(designs.fdi, EnvelopeDesign)
+        run = simulate(drive, True, designs=designs)
+        ticks = np.column_stack([run.series[key] for key in _READ])
+        J, like = deflection(information(designs.fdi, ticks, round(ONSET_S / drive.sample_time_s)))
+        right.append(float(norm.cdf(np.sqrt(J) / 2.0)))
+        print(
+            f"{drive.name}: J {J:.1f}, like {like / RPM:+.1f} rpm, right with probability {right[-1]:.4f}", flush=True
+        )
+    print(f"mean {np.mean(right):.4f}, least {min(right):.4f}")
+
+
+if __name__ == "__main__":
+    main()
