@@ -28,7 +28,7 @@ from ac_plant_node import POINTS, Plant, load_parameters
 from ac_plant_node.inputs import INPUT
 from ac_plant_node.parameters.file import another_plant
 from fdi_node.envelope import EnvelopeDetector
-from fdi_node.envelope.decision import Limits
+from fdi_node.envelope.limits import Limits
 from fdi_node.envelope.unknowns import PARAMETERS, UNKNOWNS, Unknown
 from gimc_controller_node import ControllerDesign
 from gimc_controller_node.envelope_compensator import EnvelopeCompensator, EnvelopeCompensatorDesign

@@ -111,7 +111,7 @@ def hold_s(design: Any) -> float:
     """
     if hasattr(design, "supervision"):
         return float(design.supervision.confirm_s)
-    from fdi_node.envelope.decision import Limits
+    from fdi_node.envelope.limits import Limits
 
     return Limits(*design.limits.tolist()).wander_s
 

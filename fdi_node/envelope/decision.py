@@ -14,6 +14,9 @@ At every tick there are explanations of what has been seen: a jump of one unknow
   nothing to explain for so long.
 
 A second fault that is isolated does not end the first. "Unknown" hides both: which of them is there is then in doubt.
+A slow fault's name is less certain than an abrupt one's: whoever takes a sine of the pressure's sensor for a fault of
+the compressor has to move that again and again, and then needs a second fault. So a fault that does not rest is
+unknown, and so is a second slow one.
 """
 
 import math
@@ -25,10 +28,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.faults import UNKNOWN
-from ac_common.units import KPA, RPM
 from ac_plant_node.dynamics.balances import N_STATES
 from fdi_node.envelope import filter as kalman
 from fdi_node.envelope import jumps
+from fdi_node.envelope.limits import Limits
 from fdi_node.envelope.memory import ABRUPT, LARGEST, NIS, TICKS, memory_of, rules_in
 from fdi_node.envelope.quiet import (
     FLOORS,
@@ -57,84 +60,6 @@ NOT = math.inf
 _BEYOND = ("beyond_n", "beyond_p")
 
 
-@dataclass(frozen=True)
-class Limits:
-    """Numbers of the decision.
-
-    Attributes
-    ----------
-    natural, likely, likely_unknown, plain, certain : float
-        Likelihood ratios (twice the logarithm) above which an air flow has jumped; a named fault is isolated if it is
-        ahead; one without a name is; a fault of the compressor is isolated soon; it is certain that something is, so
-        that it is detected.
-    ahead, ahead_natural, ahead_share : float
-        An explanation is ahead of another by the first, a jump of an air flow by the second; or by this share of its
-        own ratio if that is more, because the model is linearised.
-    at_once, at_once_share : float
-        A named fault that is ahead by this much, and by this share of its own ratio, is isolated in the same tick: a
-        reading that jumps by many standard deviations in one tick has no physical cause.
-    common_bonus : float
-        What the ratio of a named fault or an air flow counts more against those of the others, which are rarer.
-    onsets_malus : float
-        What the ratio of the pressure sensor's jump counts less, because the likeliest of many onsets is taken.
-    hold_s, hold_unsure_s, hold_growing_s : float
-        How long a fault of the compressor whose ratio is above `plain`, any other one (early in a fault of the
-        compressor a jump of the pressure's sensor can explain as much), and one that grows must be ahead; anything must
-        be certain for the second to be detected.
-    after_natural_s : float
-        For how long after a jump of an air flow a fault waits that is neither isolated at once nor a plain one of the
-        compressor: the model is linearised.
-    undecided_s : float
-        How long an explanation is waited for when ratios are above `certain`. When they are not, as long as it takes.
-    clear_s, settle_s : float
-        How long a fault must be gone to be over; for how long after the start nothing is concluded.
-    trust_s, settle_open_s : float
-        What seems to have begun before the first is taken for a plant whose parameters are others, where the design
-        says that these may be estimated; then nothing is concluded for the second.
-    sigmas : float
-        Thresholds of the named faults' estimates, in standard deviations of the filter,
-    floor_rad_s, floor_pa : float
-        and what is added to these.
-    wander_s : float
-        How long an estimate must be beyond its threshold.
-    inconsistent, consistent : float
-        Mean square of the white innovations above which they are inconsistent, and below which they are not.
-    lowest_rad_s, highest_rad_s, largest_pa : float
-        What a named fault can be.
-    """
-
-    natural: float = 25.0
-    likely: float = 50.0
-    likely_unknown: float = 800.0
-    plain: float = 120.0
-    certain: float = 1000.0
-    ahead: float = 10.0
-    ahead_natural: float = 4.0
-    ahead_share: float = 0.01
-    at_once: float = 60.0
-    at_once_share: float = 0.25
-    common_bonus: float = 15.0
-    onsets_malus: float = 5.0
-    hold_s: float = 0.4
-    hold_unsure_s: float = 3.0
-    hold_growing_s: float = 10.0
-    after_natural_s: float = 30.0
-    undecided_s: float = 30.0
-    clear_s: float = 20.0
-    settle_s: float = 20.0
-    trust_s: float = 25.0
-    settle_open_s: float = 120.0
-    sigmas: float = 5.0
-    floor_rad_s: float = 1.5 * RPM
-    floor_pa: float = 0.1 * KPA
-    wander_s: float = 2.0
-    inconsistent: float = 4.0
-    consistent: float = 2.0
-    lowest_rad_s: float = -100.0 * RPM
-    highest_rad_s: float = 150.0 * RPM
-    largest_pa: float = 20.0 * KPA
-
-
 MOST_AT_ONCE = 2
 """More faults than these at once are not told apart: whoever sees more has lost the plant."""
 
@@ -153,13 +78,26 @@ class Conclusion(NamedTuple):
 
 @dataclass
 class Isolated:
-    """A fault that is isolated: position of its unknown (-1: none), name, times, since when it is small."""
+    """A fault that is isolated.
+
+    Position of its unknown (-1: none), name, times, since when it is small, whether it was isolated at once, how often
+    it has moved of late, and when it did last.
+    """
 
     unknown: int
     name: str
     onset_s: float
     isolated_s: float
     small_since: float = NOT
+    is_abrupt: bool = False
+    moves: float = 0.0
+    moved_s: float = 0.0
+
+    def rests(self, time_s: float, limits: Limits) -> bool:
+        """Take note of a move of this fault; return whether it has moved no more often than it may."""
+        self.moves = 1.0 + self.moves * math.exp((self.moved_s - time_s) / limits.restless_s)
+        self.moved_s = time_s
+        return self.moves <= limits.most_moves
 
 
 @dataclass
@@ -173,6 +111,7 @@ class Since:
     natural : an air flow has jumped.
     ahead : an explanation by the unknown `leader` is ahead of the others.
     inconsistent : the innovations are.
+    unknown : something was last unknown.
     beyond_n, beyond_p : the estimate of the fault is beyond its threshold.
     """
 
@@ -182,8 +121,13 @@ class Since:
     ahead: float = NOT
     leader: int = -1
     inconsistent: float = NOT
+    unknown: float = -NOT
     beyond_n: float = NOT
     beyond_p: float = NOT
+
+    def unlikely(self) -> None:
+        """Nothing has probably jumped."""
+        self.likely = self.certain = self.ahead = NOT
 
 
 class EnvelopeDecision:
@@ -259,7 +203,8 @@ class EnvelopeDecision:
     def rest(self, first_s: float, last_s: float) -> Conclusion:
         """Go over ticks that left nothing to conclude, and return what holds in the last of them."""
         since = self.since
-        since.likely = since.certain = since.ahead = since.inconsistent = NOT
+        since.unlikely()
+        since.inconsistent = NOT
         for i, beyond in enumerate(_BEYOND):
             setattr(since, beyond, min(getattr(since, beyond), first_s) if self.asked[IS_THERE + i] else NOT)
         for one in self.isolated:
@@ -280,6 +225,7 @@ class EnvelopeDecision:
             return Conclusion(thresholds, detected, None, math.nan, onset_s if detected else math.nan, math.nan, None)
         for one in self.isolated:
             if one.name == UNKNOWN:
+                self.since.unknown = time_s
                 return Conclusion(thresholds, True, UNKNOWN, math.nan, one.onset_s, one.isolated_s, None)
         last, also = self.isolated[-1], self.isolated[0].name if len(self.isolated) > 1 else None
         size = float(self._memory.x[last.unknown])
@@ -294,13 +240,14 @@ class EnvelopeDecision:
         limits, since = self.limits, self.since
         here = float(self._memory.scalars[LARGEST])
         if here < limits.natural:
-            since.likely = since.certain = since.ahead = NOT
+            since.unlikely()
             return
-        ratios = [
-            ratio + limits.common_bonus * (reported != UNKNOWN)
-            for ratio, reported in zip(self._memory.ratios.tolist(), self._reported, strict=True)
-        ]
+        known = [one.unknown for one in self.isolated]
+        is_unsure = any(one.unknown >= 0 and not one.is_abrupt for one in self.isolated)
+        ratios = self._memory.ratios.tolist()
         ratios[ABRUPT] -= limits.onsets_malus
+        if is_unsure:
+            _weigh(ratios, [at in known for at in self._positions], self._reported, limits.second)
         best = max(ratios)
         top = ratios.index(best)
         unknown, grows = self._positions[top], bool(self._rules.growing[top])
@@ -308,11 +255,13 @@ class EnvelopeDecision:
         is_ahead = lead > max(limits.ahead, limits.ahead_share * best)
         reported = self._reported[top]
         if reported == NATURAL and lead > limits.ahead_natural:
-            self._accept(top)
+            kalman.accept_jump(self._flat, self._rules, top)
+            since.unlikely()
             since.natural = time_s
             return
-        if here < limits.likely or (reported == UNKNOWN and here < limits.likely_unknown):
-            since.likely = since.certain = since.ahead = NOT
+        likely = limits.likely_open if self.is_open else limits.likely
+        if here < likely or (reported == UNKNOWN and here < limits.likely_unknown):
+            since.unlikely()
             return
         if since.likely == NOT:
             since.likely = time_s
@@ -324,29 +273,33 @@ class EnvelopeDecision:
         since.certain = min(since.certain, time_s) if here > limits.certain else NOT
         is_plain = here > limits.plain and unknown == 0 and not grows
         hold_s = limits.hold_growing_s if grows else limits.hold_s if is_plain else limits.hold_unsure_s
-        at_once = reported != UNKNOWN and not grows and lead > max(limits.at_once, limits.at_once_share * best)
+        share = limits.at_once_share_open if self.is_open else limits.at_once_share
+        at_once = reported != UNKNOWN and not grows and time_s - onset_s <= limits.at_once_s
+        at_once = at_once and lead > max(limits.at_once, share * best)
         ready_s = max(since.ahead + hold_s, -NOT if is_plain else since.natural + limits.after_natural_s)
         if at_once or time_s >= ready_s - 1.0e-9:
-            stuck = self._rules.prior[top] < 0.0
-            self._accept(top)
-            self._add(-1 if stuck else unknown, reported, onset_s, time_s)
+            is_unsure = is_unsure or time_s - since.unknown < limits.after_unknown_s
+            if is_unsure and reported != UNKNOWN and unknown not in known and not at_once:
+                self._add(-1, UNKNOWN, onset_s, time_s)
+                return
+            kalman.accept_jump(self._flat, self._rules, top)
+            since.unlikely()
+            self._add(-1 if self._rules.prior[top] < 0.0 else unknown, reported, onset_s, time_s, at_once)
         elif time_s - since.certain >= limits.undecided_s:
             self._add(-1, UNKNOWN, onset_s, time_s)
 
-    def _accept(self, top: int) -> None:
-        kalman.accept_jump(self._flat, self._rules, top)
-        self.since.likely = self.since.certain = self.since.ahead = NOT
-
-    def _add(self, unknown: int, name: str, onset_s: float, time_s: float) -> None:
+    def _add(self, unknown: int, name: str, onset_s: float, time_s: float, is_abrupt: bool = False) -> None:
         """Isolate a fault, unless it is already, or the plant is another one."""
         for one in self.isolated:
             if (one.unknown, one.name) == (unknown, name):
                 one.small_since = NOT
+                if name != UNKNOWN and not one.rests(time_s, self.limits):
+                    self._add(-1, UNKNOWN, one.onset_s, time_s)
                 return
         if not self.isolated and self._is_early(onset_s, time_s):  # a plant with a fault has been trusted before
             self.doubts = True
             return
-        self.isolated.append(Isolated(unknown, name, onset_s, time_s))
+        self.isolated.append(Isolated(unknown, name, onset_s, time_s, is_abrupt=is_abrupt))
         if sum(one.unknown >= 0 for one in self.isolated) > MOST_AT_ONCE:
             self.isolated[:] = [Isolated(-1, UNKNOWN, self.isolated[0].onset_s, time_s)]
             self.is_lost = True
@@ -379,28 +332,24 @@ class EnvelopeDecision:
             setattr(since, name, began)
             if time_s - began < limits.wander_s:
                 continue
-            if i not in known:
+            if i not in known and not known and time_s - since.unknown > limits.after_unknown_s:
                 self._add(i, self._reported[i], began, time_s)
             if not self.asked[LOWEST + i] <= value <= self.asked[HIGHEST + i]:
                 self._add(-1, UNKNOWN, began, time_s)
 
     def _look_at_consistency(self, time_s: float) -> None:
         since = self.since
-        if self._memory.scalars[NIS] < self.limits.inconsistent:
-            since.inconsistent = NOT
-            return
-        since.inconsistent = min(since.inconsistent, time_s)
+        calm = self._memory.scalars[NIS] < self.limits.inconsistent
+        since.inconsistent = NOT if calm else min(since.inconsistent, time_s)
         if time_s - since.inconsistent >= self.limits.undecided_s:
             self._add(-1, UNKNOWN, since.inconsistent, time_s)
 
     def _is_small(self, unknown: int) -> bool:
         if unknown < 0:
             return self.since.likely == NOT and float(self._memory.scalars[NIS]) < self.limits.consistent
-        value = abs(float(self._memory.x[unknown]))
-        if unknown < NAMED:
-            floor = (self.limits.floor_rad_s, self.limits.floor_pa)[unknown]
-            return value < 0.5 * floor + 2.0 * self._deviation(unknown)
-        return value < SMALL * self._unknowns[unknown].scale + SMALL_SIGMAS * self._deviation(unknown)
+        named = (0.5 * self.limits.floor_rad_s, 0.5 * self.limits.floor_pa)
+        small = named[unknown] if unknown < NAMED else SMALL * self._unknowns[unknown].scale
+        return abs(float(self._memory.x[unknown])) < small + SMALL_SIGMAS * self._deviation(unknown)
 
     def _end(self, time_s: float) -> None:
         """Forget the faults that are over."""
@@ -409,12 +358,13 @@ class EnvelopeDecision:
                 one.small_since = NOT
                 continue
             one.small_since = min(one.small_since, time_s)
-            if time_s - one.small_since >= self.limits.clear_s:
-                self.isolated.remove(one)
-                self._set_drifts()
-                if one.unknown >= 0:
-                    row = self._unknowns[one.unknown]
-                    kalman.settle(self._flat, self._rules, one.unknown, (row.first / row.scale) ** 2)
+            if time_s - one.small_since < self.limits.clear_s:
+                continue
+            self.isolated.remove(one)
+            self._set_drifts()
+            if one.unknown >= 0:
+                row = self._unknowns[one.unknown]
+                kalman.settle(self._flat, self._rules, one.unknown, (row.first / row.scale) ** 2)
 
     def restart(self) -> None:
         """Go over a gap: what seemed likely before it is looked for anew."""
@@ -430,6 +380,12 @@ class EnvelopeDecision:
         """Take the place of the decision whose `state` this is; `KeyError`, `TypeError`, `ValueError`: it is none."""
         self.isolated, self.since, self.is_open = _restored(state, len(self._unknowns))
         self._set_drifts()
+
+
+def _weigh(ratios: list[float], known: list[bool], reported: list[str], second: float) -> None:
+    """Let what would be a second fault count less by a factor; jumps of air flows are none."""
+    for i, (is_known, name) in enumerate(zip(known, reported, strict=True)):
+        ratios[i] /= 1.0 if is_known or name == NATURAL else second
 
 
 def _restored(state: Mapping[str, Any], unknowns: int) -> tuple[list[Isolated], Since, bool]:

@@ -25,8 +25,9 @@ from ac_plant_node.properties.tables import REFRIGERANTS, load_tables
 from ac_plant_node.saturation import saturation_slope, saturation_temperature
 from fdi_node.detector import Detection
 from fdi_node.envelope import filter as kalman
-from fdi_node.envelope.decision import Conclusion, EnvelopeDecision, Limits
-from fdi_node.envelope.memory import NIS, SLOPE, Memory, Rules, memory_of, new_memory, packed, rules_in
+from fdi_node.envelope.decision import Conclusion, EnvelopeDecision
+from fdi_node.envelope.limits import Limits
+from fdi_node.envelope.memory import CAUTION, NIS, SLOPE, Memory, Rules, memory_of, new_memory, packed, rules_in
 from fdi_node.envelope.model import ENERGY, N_READINGS, READING_SCALE, STATE_SCALE
 from fdi_node.envelope.unknowns import PARAMETERS, UNKNOWNS, Unknown, table
 
@@ -39,6 +40,10 @@ _TOLERANCE = 1.0e-4
 LEAST_PRESSURE_PA = 1.0e4
 JACOBIAN_S = 2.0
 """A Jacobian is renewed after this time at the latest."""
+CAREFUL = 100.0
+"""How much larger the readings' standard deviations are taken at first where the plant's parameters are estimated. A
+linearised filter that trusts them at once takes what is nonlinear in the first, large corrections for knowledge of the
+parameters, and then holds to these."""
 _NEAR, _FAR = 0.05, 0.5
 """Standard deviations of the states, in units of their scales, where the observer begins: at a known rest, anywhere."""
 
@@ -73,7 +78,7 @@ class EnvelopeDesign:
     blower : float
         Whether the observer is told the air flow through the evaporator: 1 or 0.
     limits : ndarray
-        The numbers of `fdi_node.envelope.decision.Limits`, in their order.
+        The numbers of `fdi_node.envelope.limits.Limits`, in their order.
     sample_time_s : float
     """
 
@@ -179,6 +184,7 @@ class EnvelopeDetector:
         np.fill_diagonal(m.P, first**2)
         m.out[:] = design.start_outputs[start]
         m.scalars[NIS] = 1.0
+        m.scalars[CAUTION] = CAREFUL**2 - 1.0 if self._decision.is_open else 0.0
         self._told[:] = 0.0
         self._told[:N_INPUTS] = design.start_inputs[start]
         m.held[:] = self._told

@@ -27,6 +27,7 @@ from fdi_node.envelope import jumps
 from fdi_node.envelope.compiled import Array, jit
 from fdi_node.envelope.memory import (
     AGE,
+    CAUTION,
     DOUBT,
     GATED,
     LOST,
@@ -77,6 +78,8 @@ SHORT_Q = np.array([0.0, 50.0, 3.0e3, 0.1, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.
 """and intensities of noise of U_e, h_e2, T_ew, D_e."""
 MOVED_ZETA, MOVED_SPEED, MOVED_OPENING, REST = 0.03, 0.2, 0.05, 5
 """Changes of zone length, speed (logarithm) and opening that renew the Jacobian, after this many ticks at least."""
+CAUTION_S = 15.0
+"""Time constant with which readings that count little at first come to count what they are worth."""
 MOST_SD = 10.0
 """Largest standard deviation, in units of the scales."""
 
@@ -143,7 +146,7 @@ def _innovate(m: Memory, rules: Rules, reading: Array) -> None:
             if c != 0.0:
                 for i in range(n):
                     K[i] += c * m.P[j, i]
-        s = rules.R[r] + m.scalars[DOUBT] ** 2 * SHORT_R[r]
+        s = (1.0 + m.scalars[CAUTION]) * rules.R[r] + m.scalars[DOUBT] ** 2 * SHORT_R[r]
         for i in range(n):
             s += m.C[r, i] * K[i]
         m.s[r] = np.sqrt(s)
@@ -162,7 +165,7 @@ def _correct(m: Memory, rules: Rules, dz: Array) -> None:
         if not rules.R[r] < np.inf:
             continue
         C, K, e = m.C[r], m.PC[r], m.e[r]
-        s = rules.R[r] + m.scalars[DOUBT] ** 2 * SHORT_R[r]
+        s = (1.0 + m.scalars[CAUTION]) * rules.R[r] + m.scalars[DOUBT] ** 2 * SHORT_R[r]
         for i in range(n):
             s += C[i] * K[i]
             e -= C[i] * dz[i]
@@ -229,6 +232,7 @@ def observe(flat: Array, packed: Array, reading: Array, told: Array, tab: Tables
     jumps.begin_due(m, rules, int(m.scalars[TICKS]))
     m.scalars[TICKS] += 1.0
     _correct(m, rules, dz)
+    m.scalars[CAUTION] *= np.exp(-rules.constants[0] / CAUTION_S)
     for i in range(N_STATES):
         m.before[i] = k.y[i]
     _move(m, k, rules, dz)

@@ -22,7 +22,7 @@ from fdi_node.envelope.memory import ABRUPT, LARGEST, N_BEGINNINGS, N_ONSETS, N_
 from fdi_node.envelope.model import N_READINGS, SCALE
 from fdi_node.envelope.products import multiply, terms
 
-SHORTEST_S, LONGEST_S = 1, 64
+SHORTEST_S, LONGEST_S = 1, 128
 """Window w is SHORTEST_S 2^w seconds long, and begins when another one is half full."""
 TELLING, SPEAKING = 20.0, 36.0
 """A window whose largest ratio is beyond the first is kept for up to LONGEST_S; what startles does not begin the last

@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from ac_common.errors import UserError
@@ -36,6 +37,19 @@ def test_another_plant_is_no_fault_and_a_fault_of_it_is_found() -> None:
     assert said.size == pytest.approx(40.0 * RPM, rel=0.2)
 
 
+@pytest.mark.parametrize("point", ["low", "med"])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_parameters_are_estimated_as_well_as_the_filter_says_it_knows_them(point: str, sign: float) -> None:
+    off = sign * np.array([-1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, -1.0])
+    loop, scales = Loop(point, parameters=IF_NEEDED), np.array([one.scale for one in PARAMETERS])
+    with another_plant(plant_off_by(dict(zip([one.name for one in PARAMETERS], off.tolist(), strict=True)))):
+        loop.plant = Plant.at(point)
+    assert not any(said.detected for said in loop.run(150.0))
+    found = loop.detector.memory.x[len(UNKNOWNS) :] / scales
+    assert loop.detector._decision.is_open
+    assert np.abs(found - off).max() < 3.0  # readings at rest do not tell all of them
+
+
 def test_it_is_a_fault_when_the_parameters_are_taken_for_known() -> None:
     assert any(said.isolated for said in on_another_plant(parameters=KNOWN).run(60.0))
 
@@ -48,12 +62,12 @@ def test_the_plant_of_the_design_stays_known() -> None:
 
 
 class Story:
-    """A decision of an observer that began `seconds` ago, and is told that f_N has jumped since then."""
+    """A decision of an observer that began `seconds` ago, and is told that f_N has jumped since then, with a ratio."""
 
-    def __init__(self, seconds: float) -> None:
+    def __init__(self, seconds: float, ratio: float = 500.0) -> None:
         detector = EnvelopeDetector(design(parameters=IF_NEEDED))
         detector.observe(0.0, detector.design.start_outputs[1], 30.0, 30.0)
-        self.decision, self._m, self._seconds = detector._decision, detector.memory, seconds
+        self.decision, self._m, self._seconds, self._ratio = detector._decision, detector.memory, seconds, ratio
 
     def isolated(self) -> str | None:
         m, name = self._m, None
@@ -61,7 +75,7 @@ class Story:
             m.scalars[TICKS] = round(self._seconds / H) + tick
             m.age[:] = tick
             m.ratios[:] = 0.0
-            m.ratios[0] = m.scalars[LARGEST] = 500.0
+            m.ratios[0] = m.scalars[LARGEST] = self._ratio
             name = self.decision.step(100.0 + H * tick).isolated
             if self.decision.doubts or name == "compressor_speed":
                 break
@@ -109,3 +123,11 @@ def test_choices_of_parameters() -> None:
     assert len(design(parameters=KNOWN).first) == len(UNKNOWNS)
     with pytest.raises(UserError, match="parameters 'guessed': allowed are known, if_needed, estimated"):
         design_envelope_fdi(H, parameters="guessed")
+
+
+def test_what_is_small_has_no_name_where_parameters_are_estimated() -> None:
+    for ratio, name in ((Limits().likely_open - 1.0, None), (Limits().likely_open + 1.0, "compressor_speed")):
+        story = Story(Limits().settle_open_s + 10.0, ratio)
+        story.decision.open_up()
+        assert story.isolated() == name
+        assert Story(Limits().settle_open_s + 10.0, ratio).isolated() == "compressor_speed"

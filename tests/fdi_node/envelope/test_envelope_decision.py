@@ -39,6 +39,12 @@ class Story:
                 ratios = {}
         return said.detected, said.isolated
 
+    def begin_slowly(self) -> None:
+        """Let a fault of the compressor be isolated, though one of the sensor explains nearly as much."""
+        said = self.tell(1.0, compressor_speed=PLAIN + 40.0, evaporator_pressure=PLAIN)
+        assert said == (True, "compressor_speed")
+        self.m.x[0], self.m.P[12, 12] = 4.0, 1.0e-3
+
 
 def test_nothing_to_explain_is_no_fault() -> None:
     assert Story().tell(10.0, compressor_speed=Limits().natural - 1.0) == (False, None)
@@ -107,3 +113,39 @@ def test_thresholds_follow_what_the_filter_knows() -> None:
     assert after[1] == before[1]
     assert np.isfinite(before).all()
     assert math.isnan(story.decision.step(story.time_s).onset_s)
+
+
+def test_a_fault_that_does_not_rest_is_unknown_and_one_that_moves_now_and_then_is_not() -> None:
+    for pause_s, name in ((5.0, "unknown"), (Limits().restless_s, "compressor_speed")):
+        story = Story()
+        story.tell(1.0, compressor_speed=PLAIN + 100.0)
+        story.m.x[0], story.m.P[12, 12] = 4.0, 1.0e-3
+        for _ in range(4):
+            story.tell(pause_s)
+            isolated = story.tell(1.0, compressor_speed=PLAIN + 100.0)[1]
+        assert isolated == name
+
+
+def test_beside_a_slow_fault_another_slow_one_is_unknown_and_an_abrupt_one_has_its_name() -> None:
+    slow, seen = Story(), {"compressor_speed": 100.0, "evaporator_pressure": 800.0}
+    for story, age_s in ((slow, 10.0), (Story(), 0.1)):
+        story.begin_slowly()
+        story.m.age[:] = age_s / 0.1
+        assert story.tell(0.1, **seen)[1] == ("compressor_speed" if story is slow else "evaporator_pressure")
+    assert slow.tell(Limits().hold_unsure_s + 0.2, **seen)[1] == "unknown"
+
+
+def test_what_a_move_of_a_slow_fault_explains_nearly_as_well_is_no_second_one() -> None:
+    story = Story()
+    story.begin_slowly()
+    seen = {"compressor_speed": 500.0, "evaporator_pressure": 0.9 * Limits().second * 500.0}
+    assert story.tell(Limits().hold_s + 0.2, **seen)[1] == "compressor_speed"
+    assert story.decision.isolated[0].moves > 0.0
+
+
+def test_nothing_slow_has_a_name_soon_after_something_was_unknown() -> None:
+    story = Story()
+    story.tell(Limits().undecided_s + 0.2, nis=9.0)
+    assert story.tell(Limits().clear_s + 1.0) == (False, None)
+    story.m.age[:] = 100.0
+    assert story.tell(Limits().hold_unsure_s + 0.2, evaporator_pressure=200.0)[1] == "unknown"

@@ -1,0 +1,94 @@
+"""The numbers of the decision."""
+
+from dataclasses import dataclass
+
+from ac_common.units import KPA, RPM
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Numbers of the decision.
+
+    Attributes
+    ----------
+    natural, likely, likely_open, likely_unknown, plain, certain : float
+        Likelihood ratios (twice the logarithm) above which an air flow has jumped; a named fault is isolated if it is
+        ahead, and where the plant's parameters are estimated, too; one without a name is; a fault of the compressor is
+        isolated soon; it is certain that something is, so that it is detected.
+    ahead, ahead_natural, ahead_share : float
+        An explanation is ahead of another by the first, a jump of an air flow by the second; or by this share of its
+        own ratio if that is more, because the model is linearised.
+    at_once, at_once_share, at_once_share_open, at_once_s : float
+        A named fault that is ahead by this much, and by this share of its own ratio (the second where the plant's
+        parameters are estimated), and has begun no longer ago than the last, is isolated in the same tick: a reading
+        that jumps by many standard deviations in one tick has no physical cause.
+    onsets_malus : float
+        What the ratio of the pressure sensor's jump counts less, because the likeliest of many onsets is taken.
+    hold_s, hold_unsure_s, hold_growing_s : float
+        How long a fault of the compressor whose ratio is above `plain`, any other one (early in a fault of the
+        compressor a jump of the pressure's sensor can explain as much), and one that grows must be ahead; anything must
+        be certain for the second to be detected.
+    after_natural_s : float
+        For how long after a jump of an air flow a fault waits that is neither isolated at once nor a plain one of the
+        compressor: the model is linearised.
+    undecided_s : float
+        How long an explanation is waited for when ratios are above `certain`. When they are not, as long as it takes.
+    clear_s, settle_s : float
+        How long a fault must be gone to be over; for how long after the start nothing is concluded.
+    trust_s, settle_open_s : float
+        What seems to have begun before the first is taken for a plant whose parameters are others, where the design
+        says that these may be estimated; then nothing is concluded for the second.
+    sigmas : float
+        Thresholds of the named faults' estimates, in standard deviations of the filter,
+    floor_rad_s, floor_pa : float
+        and what is added to these.
+    wander_s : float
+        How long an estimate must be beyond its threshold.
+    second, after_unknown_s : float
+        Beside a fault that has not been isolated at once, another one must explain so many times what a move of the
+        first does. Then, and for so long after something was unknown, what is not isolated at once has no name.
+    restless_s, most_moves : float
+        A fault that has moved more often than the second, each move forgotten with the time constant of the first, is
+        unknown.
+    inconsistent, consistent : float
+        Mean square of the white innovations above which they are inconsistent, and below which they are not.
+    lowest_rad_s, highest_rad_s, largest_pa : float
+        What a named fault can be.
+    """
+
+    natural: float = 25.0
+    likely: float = 50.0
+    likely_open: float = 150.0
+    likely_unknown: float = 800.0
+    plain: float = 120.0
+    certain: float = 1000.0
+    ahead: float = 10.0
+    ahead_natural: float = 4.0
+    ahead_share: float = 0.01
+    at_once: float = 60.0
+    at_once_share: float = 0.25
+    at_once_share_open: float = 0.6
+    at_once_s: float = 3.0
+    onsets_malus: float = 5.0
+    hold_s: float = 0.4
+    hold_unsure_s: float = 3.0
+    hold_growing_s: float = 10.0
+    after_natural_s: float = 30.0
+    undecided_s: float = 30.0
+    clear_s: float = 20.0
+    settle_s: float = 20.0
+    trust_s: float = 25.0
+    settle_open_s: float = 120.0
+    sigmas: float = 5.0
+    floor_rad_s: float = 1.5 * RPM
+    floor_pa: float = 0.1 * KPA
+    wander_s: float = 2.0
+    second: float = 3.0
+    after_unknown_s: float = 300.0
+    restless_s: float = 60.0
+    most_moves: float = 2.5
+    inconsistent: float = 4.0
+    consistent: float = 2.0
+    lowest_rad_s: float = -100.0 * RPM
+    highest_rad_s: float = 150.0 * RPM
+    largest_pa: float = 20.0 * KPA
