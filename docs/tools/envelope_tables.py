@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import beta, chi2
 
+from ac_common.faults import ISOLABLE_KINDS, UNKNOWN
 from ac_common.units import KPA, RPM
 from ac_design.envelope import IF_NEEDED, PARAMETER_CHOICES, design_envelope_fdi
 from ac_experiments.designs import EnvelopeDesigns, designs_of
@@ -190,12 +191,12 @@ def tables(rows: list[dict[str, Any]], faults: dict[str, tuple[dict[str, Any], b
 
 def _cells(name: str, got: list[dict[str, Any]]) -> list[str]:
     """Return the cells of a fault's row."""
-    kind = got[0]["kind"]
-    delays = np.array([one["first_s"] if one["first"] == kind else np.inf for one in got])
+    right = got[0]["kind"] if got[0]["kind"] in ISOLABLE_KINDS else UNKNOWN
+    delays = np.array([one["first_s"] if one["first"] == right else np.inf for one in got])
     late = np.quantile(delays, 0.95, method="higher")
     wrong: dict[str, int] = {}
     for one in got:
-        for other in {*one["names"]} - {kind}:
+        for other in {*one["names"]} - {right}:
             wrong[other] = wrong.get(other, 0) + 1
     pressure, superheat = ([one[key] for one in got] for key in ("pressure_off", "superheat_off"))
     speed, peak = [one["speed_change"] for one in got], [one["peak"] - one["peak_healthy"] for one in got]
