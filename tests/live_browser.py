@@ -82,7 +82,7 @@ def acftc(*arguments: str, domain: int) -> Iterator[tuple[str, "subprocess.Popen
         yield line.split()[0], process
     finally:
         process.terminate()
-        process.wait(30)
+        process.wait(PATIENCE_S)
         assert process.stderr is not None
         process.stderr.close()
 
@@ -105,9 +105,9 @@ def newest_row(page: Page) -> dict[str, float]:
     return {name: math.nan if value is None else float(value) for name, value in page.evaluate(script)}
 
 
-def until(condition: Callable[[], Any], what: str) -> None:
+def until(condition: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) -> None:
     """Wait for a condition of the page."""
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + patience_s
     while not condition():
         assert time.monotonic() < deadline, what
         time.sleep(0.05)

@@ -53,7 +53,7 @@ def test_run_with_a_page_beside_it(browser: Browser, tmp_path: Path) -> None:
     with acftc(*arguments, domain=OWN + 1) as (url, process):
         page = new_page(browser)
         page.goto(url)
-        until(lambda: newest(page, "t") > 0.0, "no row has come")
+        until(lambda: newest(page, "t") > 0.0, "no row has come", FIRST_TIME_S)
         expect(page.locator(".said")).to_have_text("A run that is recorded cannot be reset.")
         expect(page.get_by_role("button", name="Reset")).to_be_disabled()
         process.send_signal(signal.SIGINT)
