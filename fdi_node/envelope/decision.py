@@ -55,11 +55,7 @@ from fdi_node.envelope.unknowns import NATURAL, UNKNOWNS, Unknown
 
 NOT = math.inf
 """Time since when something holds that does not hold."""
-
-
 _BEYOND = ("beyond_n", "beyond_p")
-
-
 MOST_AT_ONCE = 2
 """More faults than these at once are not told apart: whoever sees more has lost the plant."""
 

@@ -190,7 +190,8 @@ def judge(m: Memory, rules: Rules) -> None:
 
 @jit
 def _largest(rules: Rules, h: int) -> float:
-    return float(LARGEST_JUMP / np.sqrt(rules.prior[h]))
+    """Return the largest size of a jump; what has no size, `STUCK`, has no largest."""
+    return float(LARGEST_JUMP / np.sqrt(rules.prior[h])) if rules.prior[h] > 0.0 else np.inf
 
 
 @jit

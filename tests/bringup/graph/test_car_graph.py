@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ pytestmark = pytest.mark.ros
 FELT = "fdi/innovation/evaporator_pressure"
 
 #: Off and through a shift of gears, on the belt, under a blower that is turned up.
-CAR_ON_THE_BELT = {
+CAR_ON_THE_BELT: dict[str, Any] = {
     "name": "car",
     "duration_s": 12.0,
     "passive": True,
@@ -70,7 +71,7 @@ def test_nodes_that_know_the_car_replay_alike(car: GraphRun, node: str) -> None:
 def test_electric_compressor_in_a_soaked_car_whose_blower_is_known(tmp_path: Path) -> None:
     content = {**CAR_ON_THE_BELT, "duration_s": 4.0, "air_flow_sensor": "blower"}
     more = {"compressor_drive": "electric", "cabin": "soaked", "blower_kg_s": [[0, 0.12], [2, 0.18]]}
-    content["car"] = {**CAR_ON_THE_BELT["car"], **more}  # type: ignore[dict-item]
+    content["car"] = {**CAR_ON_THE_BELT["car"], **more}
     run = run_graph(check(content), tmp_path)
     recorded, simulated = read_bag(run.bag), simulate(check(content))
     for key, values in simulated.series.items():
