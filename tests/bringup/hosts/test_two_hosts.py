@@ -81,5 +81,5 @@ def test_plant_on_another_host_closes_the_loop(hosts: tuple[str, str], tmp_path:
     # reaches the actuators is what the controller on the other host has sent, with the fault.
     sent, acting = series["controller/command:compressor"], series["actuator/command:compressor"]
     off = np.abs((acting - series[truth_of("compressor_speed")])[:, None] - sent[None, :])
-    assert np.mean(np.nanmin(off, axis=1) < 1e-9) > 0.5
+    assert np.mean(np.any(off < 1e-9, axis=1)) > 0.5  # a tick whose messages were late agrees with none
     assert np.nanmax(sent) - np.nanmin(sent) > 1.0
