@@ -155,7 +155,7 @@ class _Look:
     def input(self, key: str, joint: str, title: str, y_title: str, per_unit: float) -> Panel:
         """Return the panel of a command, as it was given and as it reached the plant."""
         own = (
-            Line(f"actuator/command:{joint}", f"reached the plant{self.tag}", self.soft, width=1.4, step=True),
+            Line(f"actuator/command:{joint}", f"at the plant{self.tag}", self.soft, width=1.4, step=True),
             Line(f"controller/command:{joint}", f"commanded{self.tag}", self.own, width=2.2, step=True),
         )
         beside = (Line(f"controller/command:{joint}", f"commanded, {self.theirs}", self.other, "dashdot", step=True),)

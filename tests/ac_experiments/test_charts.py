@@ -119,7 +119,7 @@ def test_a_run_is_drawn_with_axes_units_and_what_the_marks_mean(charts: list[Cha
         ("isolated", [107.0]),
     ]
     names = [curve.name for chart in charts for curve in chart.curves]
-    for name in ("reference", "actual", "measured", "commanded", "reached the plant", "residual", "fault injected"):
+    for name in ("reference", "actual", "measured", "commanded", "at the plant", "residual", "fault injected"):
         assert name in names
     truth = next(curve for curve in residual.curves if curve.name == "fault injected")
     assert truth.y[-1] == pytest.approx(40.0)  # rpm, not rad/s
