@@ -85,7 +85,8 @@ class CompiledLoop(Loop):
             *(self.made, self._thresholds, self._said),
         )
         run, self._results = ready(ordinary_ticks), handed_over(plant)[-1]
-        return lambda first, last, stage: run(first, last, stage, int(controller.is_ordinary), *shared)
+        diagnoses = int(self._unseen is None)
+        return lambda first, last, stage: run(first, last, stage, int(controller.is_ordinary), diagnoses, *shared)
 
     def _go_on(self, first: int, last: int) -> tuple[int, int]:
         """Do ordinary ticks up to one that is not; return it, or `last`, and why it ends there."""
@@ -102,6 +103,19 @@ class CompiledLoop(Loop):
 
     def _take_note(self, first: int, last: int) -> None:
         """Record and announce what ordinary ticks have left behind, and let the blocks go on from there."""
+        if self._unseen is None:
+            self._note_status(first, last)
+        says = {COMPENSATOR: _SAYS, CONTROLLER: self._controller.references.words}
+        said = self._said[first:last].astype(int)
+        changed = np.flatnonzero((said[1:] != said[:-1]).any(axis=1)) + 1
+        for tick in (0, *changed.tolist()):
+            for (node, words), number in zip(says.items(), said[tick].tolist(), strict=True):
+                if words[number] != self._does[node]:
+                    self._announce(self._times[first + tick], node, words[number])
+        self._controller.follow(int(said[-1, 1]))
+
+    def _note_status(self, first: int, last: int) -> None:
+        """Record what the detector says in ordinary ticks."""
         times = self._times[first:last]
         _, detected, isolated, _, onset_s, isolated_s, also = self._observer.follow(times[0], times[-1])
         sizes: Iterable[float] = repeat(np.nan)
@@ -112,18 +126,10 @@ class CompiledLoop(Loop):
             StatusRow(time_s, detected, isolated, size, onset_s, isolated_s, (one, other), also)
             for time_s, size, (one, other) in zip(times, sizes, thresholds, strict=False)
         ]
-        says = {COMPENSATOR: _SAYS, CONTROLLER: self._controller.references.words}
-        said = self._said[first:last].astype(int)
-        changed = np.flatnonzero((said[1:] != said[:-1]).any(axis=1)) + 1
-        for tick in (0, *changed.tolist()):
-            for (node, words), number in zip(says.items(), said[tick].tolist(), strict=True):
-                if words[number] != self._does[node]:
-                    self._announce(self._times[first + tick], node, words[number])
-        self._controller.follow(int(said[-1, 1]))
 
     def _conclude(self, k: int) -> None:
         """Do the rest of a tick in which the observer has taken the readings."""
         row = self.made[k].tolist()
         measured, inlets = Measurement(*row[READINGS:INLETS_READ]), Inlets(*row[INLETS_READ : INLETS_READ + 2])
-        found = self._observer.conclude(self._times[k], *inlets)
+        found = self._unseen or self._observer.conclude(self._times[k], *inlets)
         self._act(k, self.schedule.faults[k].tolist(), measured, inlets, found)

@@ -40,6 +40,12 @@ Progress = Callable[[int, int], None]
 PROGRESS_EVERY = 200
 
 _ACTUATORS = tuple(BY_NAME["controller/command"].joints)
+#: Series of detector and compensator.
+_DIAGNOSED = (
+    *topics_of("fdi/innovation", Innovation),
+    *(residual_of(kind) for kind in ISOLABLE_KINDS),
+    *(f"compensator/q:{joint}" for joint in _ACTUATORS),
+)
 #: Series that a tick of the loop makes, in the order in which `Loop.tick` gives them.
 _MADE = (
     *topics_of("plant", PlantOutput),
@@ -47,14 +53,14 @@ _MADE = (
     *PERFORMANCE_SERIES,
     *topics_of("measured", Measurement),
     *topics_of("measured", Inlets),
-    *topics_of("fdi/innovation", Innovation),
-    *(residual_of(kind) for kind in ISOLABLE_KINDS),
-    *(f"compensator/q:{joint}" for joint in _ACTUATORS),
+    *_DIAGNOSED,
     *(f"controller/command:{joint}" for joint in _ACTUATORS),
     *(f"actuator/command:{joint}" for joint in _ACTUATORS),
     *BY_NAME["component/faults"].series,
     *(truth_of(fault.kind) for fault in STICKING),
 )
+#: What a detector that does not run says.
+_NOTHING = (Innovation(0.0, 0.0, 0.0), (0.0,) * len(ISOLABLE_KINDS), (np.nan,) * len(ISOLABLE_KINDS), False, None)
 _sticking = itemgetter(*(KINDS.index(fault.kind) for fault in STICKING))
 
 
@@ -77,11 +83,13 @@ class Loop:
         limits: "ProtectionLimits | None",
         *,
         accommodate: bool,
+        diagnose: bool = True,
     ) -> None:
         # Imported here: these compile or load designs, and the command line must answer --help at once.
         from ac_plant_node import Plant, operating_point
         from ac_plant_node.car import Car
         from fault_injector_node.injector import FaultInjector, components
+        from fdi_node.detector import Detection
         from fdi_node.making import knows_air_flow, make_detector
         from gimc_controller_node.accommodation import make_compensator
         from gimc_controller_node.making import make_controller
@@ -102,6 +110,7 @@ class Loop:
         self._components_of = components
         self._injector = FaultInjector(scenario.noise.std, scenario.noise.seed, scenario.superheat_sensor)
         self._detector, told = make_detector(designs.fdi)
+        self._unseen = None if diagnose else Detection(*_NOTHING, np.nan, np.nan, np.nan)
         self._reads, self._reads_inlets = told.readings, told.inlets
         self._reads_air = int(knows_air_flow(designs.fdi))
         self._compensator, kind = make_compensator(designs.compensator, accommodate)
@@ -126,7 +135,10 @@ class Loop:
     @property
     def series(self) -> dict[str, NDArray[np.float64]]:
         """Return all that is recorded, by name."""
-        return _series(dict(zip(self._keys, self.made.T, strict=True)), self.schedule)
+        made = dict(zip(self._keys, self.made.T, strict=True))
+        for key in _DIAGNOSED if self._unseen else ():
+            del made[key]
+        return _series(made, self.schedule)
 
     def run(self, progress: Progress) -> None:
         """Do all ticks.
@@ -148,8 +160,10 @@ class Loop:
         plan = self.schedule
         faults = self._injector.stick(outputs, air, plan.faults[k].tolist(), plan.stuck[k].tolist())
         measured, inlets = self._injector.measure(outputs, faults), self._injector.measure_inlets(air, faults)
-        known = (*inlets[: self._reads_inlets], *plan.air[k, : self._reads_air].tolist())
-        found = self._detector.observe(self._times[k], measured[: self._reads], *known)
+        found = self._unseen
+        if found is None:
+            known = (*inlets[: self._reads_inlets], *plan.air[k, : self._reads_air].tolist())
+            found = self._detector.observe(self._times[k], measured[: self._reads], *known)
         self._act(k, faults, measured, inlets, found)
 
     def _act(self, k: int, faults: Sequence[float], measured: Measurement, inlets: Inlets, found: "Detection") -> None:
@@ -164,7 +178,9 @@ class Loop:
             self._controller.drive(CarSide(*car).belt_speed)
         command = self._controller.step(reference, reading, q, inlets[0], measured[3])
         commanded = command.tolist()
-        self._detector.commanded(commanded)
+        if self._unseen is None:
+            self._detector.commanded(commanded)
+            self.status.append(found.status(time_s))
         self._compensator.commanded(commanded)
         if self._compensator.does != self._does[COMPENSATOR]:
             self._announce(time_s, COMPENSATOR, self._compensator.does)
@@ -177,7 +193,6 @@ class Loop:
             if sizes != self._components:
                 self._components = sizes
                 self._plant.hold_faults(sizes)
-        self.status.append(found.status(time_s))
         seen = (*measured, *inlets, *found.innovation, *found.residual)
         told = (*self._inlets, *self._plant.performance)
         cabin = () if self._car is None else self._car.cabin

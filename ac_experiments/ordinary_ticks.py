@@ -17,7 +17,7 @@ from ac_plant_node.inputs import INPUT
 from ac_plant_node.properties.tables import Tables
 from fault_injector_node.injector import ACTUATOR_FAULTS, INLET_FAULTS, SENSOR_FAULTS
 from fdi_node.envelope.filter import observe, predict
-from fdi_node.envelope.memory import memory_of, rules_in
+from fdi_node.envelope.memory import Memory, Rules, memory_of, rules_in
 from fdi_node.envelope.model import READING_SCALE
 from fdi_node.envelope.quiet import IS_THERE, UNNAMED, leaves_nothing
 from gimc_controller_node.envelope_compensator import COMMAND, LIMITED, WITHDRAWN, Q, accommodation
@@ -54,6 +54,15 @@ def _read(results: Array, inlets: Array, noise: Array, faults: Array, row: Array
 
 
 @_compile
+def _show(m: Memory, rules: Rules, thresholds: Array, row: Array, found: Array) -> None:
+    """Note what the detector says, as a `Detection` has it."""
+    for i in range(3):
+        row[_INNOVATION + i] = m.e[i] * (-READING_SCALE[i] if rules.R[i] < np.inf else -0.0)
+    for i in range(2):
+        row[RESIDUAL + i], found[i] = m.x[i], thresholds[i]
+
+
+@_compile
 def _drive(results: Array, inlets: Array, command: Array, faults: Array, air: Array, row: Array, driven: Array) -> None:
     """Do as `FaultInjector.actuate`, and note what the plant is driven by and what it makes before it is."""
     for i in range(2):
@@ -72,7 +81,8 @@ def _drive(results: Array, inlets: Array, command: Array, faults: Array, air: Ar
 
 @_compile
 def ordinary_ticks(
-    first: int, last: int, stage: int, may_act: int, h: float, within: Sequence[float], limits: Sequence[float],
+    first: int, last: int, stage: int, may_act: int, diagnoses: int,
+    h: float, within: Sequence[float], limits: Sequence[float],
     flat: Array, packed: Array, reading: Array, told: Array, tables: Tables, asked: Array, thresholds: Array,
     compensator: Array, curve: Array, n: int, accommodates: int,
     controller: Array, k0: Array, n_k0: int, air_curve: Array,
@@ -87,12 +97,10 @@ def ordinary_ticks(
     ----------
     first, last, stage : int
         The tick to begin with, that before which it ends, and `SENSE` or `MOVE`.
-    may_act : int
-        0: what follows from the readings is not ordinary in any case.
-    h : float
-        Sample time.
-    within, limits : sequence of float
-        As `FallbackController.within`, and the first arguments of `bounds` after the curve, which is `air_curve`.
+    may_act, diagnoses : int
+        0: what follows from the readings is not ordinary in any case; neither observer nor compensator runs.
+    h, within, limits : float, sequence of float
+        Sample time; as `FallbackController.within`; the first arguments of `bounds` after `air_curve`.
     flat, packed, reading, told, tables, asked, thresholds
         As `EnvelopeDetector.compiled`.
     compensator, curve, n, accommodates, controller, k0, n_k0
@@ -114,18 +122,22 @@ def ordinary_ticks(
         measured, command = row[READINGS:INLETS_READ], controller[LAST : LAST + 2]
         if k > first or stage == SENSE:
             _read(results, inlets, noise[k], faulty, row)
-            for i in range(N_OUTPUTS):
-                reading[i] = measured[i]
-            told[AIR_C], told[_CONDENSER_AIR_C] = row[INLETS_READ], row[INLETS_READ + 1]
-            observe(flat, packed, reading, told, tables)
             is_safe = measured[0] >= within[0] and measured[1] >= within[1] and measured[3] <= within[2]
-            if may_act == 0 or changes[k] != 0.0 or not is_safe or not leaves_nothing(m, rules, asked, thresholds):
+            if diagnoses != 0:
+                reading[:] = measured
+                told[AIR_C], told[_CONDENSER_AIR_C] = row[INLETS_READ], row[INLETS_READ + 1]
+                observe(flat, packed, reading, told, tables)
+            if may_act == 0 or changes[k] != 0.0 or not is_safe:
                 return k, CONCLUDE
-            found[k, 0], found[k, 1] = thresholds[0], thresholds[1]
-            accommodation(
-                compensator, curve, n, m.x[0], m.x[1], int(named * asked[IS_THERE]), int(named * asked[IS_THERE + 1]),
-                accommodates, 1, measured[0], measured[1], 1, reference[0], reference[1],
-            )  # fmt: skip
+            if diagnoses != 0:
+                if not leaves_nothing(m, rules, asked, thresholds):
+                    return k, CONCLUDE
+                _show(m, rules, thresholds, row, found[k])
+                accommodation(
+                    compensator, curve, n, m.x[0], m.x[1],
+                    int(named * asked[IS_THERE]), int(named * asked[IS_THERE + 1]), accommodates,
+                    1, measured[0], measured[1], 1, reference[0], reference[1],
+                )  # fmt: skip
             if accommodates != 0:
                 said[k, 0] = 2.0 if compensator[WITHDRAWN] != 0.0 else compensator[LIMITED]
             pressure, superheat, said[k, 1] = bounds(
@@ -137,13 +149,10 @@ def ordinary_ticks(
             )  # fmt: skip
             if np.isnan(command[0] + command[1]):
                 return k, GIVE_UP
-            for i in range(3):
-                row[_INNOVATION + i] = m.e[i] * (-READING_SCALE[i] if rules.R[i] < np.inf else -0.0)
-            for i in range(2):
-                row[RESIDUAL + i], row[_Q + i] = m.x[i], compensator[Q + i]
-                row[_COMMAND + i] = compensator[COMMAND + i] = command[i]
+            row[_Q:_COMMAND] = compensator[Q : Q + 2]
+            row[_COMMAND:_ACTUATOR] = compensator[COMMAND : COMMAND + 2] = command
             told[SPEED], told[OPENING] = command[0], command[1]
-            if predict(flat, packed, told, tables) != 0:
+            if diagnoses != 0 and predict(flat, packed, told, tables) != 0:
                 return k, LOST
         _drive(results, inlets, command, faulty, air[k], row, driven)
         if run_and_tell(work, par, sat, vapour, isentrope, liquid, grid, driven, h, results) != 0:

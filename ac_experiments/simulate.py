@@ -7,7 +7,7 @@ same numbers.
 
 import time
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ac_experiments.designs import Designs, EnvelopeDesigns, designs_of
 from ac_experiments.loop import Loop, Progress
@@ -25,6 +25,7 @@ def simulate(
     progress: Progress | None = None,
     designs: Designs | EnvelopeDesigns | None = None,
     limits: "ProtectionLimits | None" = None,
+    diagnose: bool = True,
 ) -> Recording:
     """Run `scenario` on the nonlinear plant.
 
@@ -40,6 +41,9 @@ def simulate(
         What to run instead of the designs of the scenario's operating point.
     limits
         Of the protection, instead of its own.
+    diagnose
+        False: neither detector nor compensator runs. K0 is alone, and all that it does is as in a passive run, to the
+        last bit; what those two make is missing. With the designs of the whole envelope most of the time is saved.
 
     Returns
     -------
@@ -54,10 +58,11 @@ def simulate(
     ValueError
         When the compensator is to act with two sensors.
     """
-    passive = scenario.is_passive(passive)
+    passive = scenario.is_passive(passive) or not diagnose
     designs = designs or designs_of(scenario)
     started = time.perf_counter()
-    loop = _played(scenario, designs, limits, not passive, progress or (lambda *_: None))
+    options = {"limits": limits, "accommodate": not passive, "diagnose": diagnose}
+    loop = _played(scenario, designs, progress or (lambda *_: None), options)
     return Recording(
         time_s=loop.schedule.time_s,
         series=loop.series,
@@ -79,19 +84,15 @@ def simulate(
 
 
 def _played(
-    scenario: Scenario,
-    designs: Designs | EnvelopeDesigns,
-    limits: "ProtectionLimits | None",
-    accommodate: bool,
-    progress: Progress,
+    scenario: Scenario, designs: Designs | EnvelopeDesigns, progress: Progress, options: dict[str, Any]
 ) -> Loop:
-    """Return the loop after all its ticks."""
+    """Return the loop after all its ticks; `options` are those of `Loop`."""
     if isinstance(designs, EnvelopeDesigns):
         from ac_experiments.compiled_loop import CompiledLoop  # loads the compiler
 
-        compiled = CompiledLoop(scenario, designs, limits, accommodate=accommodate)
+        compiled = CompiledLoop(scenario, designs, **options)
         if compiled.run_compiled(progress):
             return compiled
-    loop = Loop(scenario, designs, limits, accommodate=accommodate)
+    loop = Loop(scenario, designs, **options)
     loop.run(progress)
     return loop

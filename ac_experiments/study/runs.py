@@ -10,6 +10,7 @@ import numpy as np
 from ac_common.cache import fingerprint, source_fingerprint
 from ac_common.errors import UserError
 from ac_common.fdi_status import StatusRow
+from ac_common.topics import BY_NAME
 from ac_common.units import KPA
 from ac_experiments.energy import car_figures, energies_j
 from ac_experiments.metrics import summarise
@@ -53,8 +54,8 @@ def designs_for(scenario: Scenario) -> Any:
     return _designs(plain.model_dump_json())
 
 
-def play(case: Case, passive: bool | None = None) -> Recording:
-    """Run a case in this process.
+def play(case: Case, passive: bool | None = None, diagnose: bool = True) -> Recording:
+    """Run a case in this process, as `ac_experiments.simulate.simulate` does.
 
     Raises
     ------
@@ -66,14 +67,23 @@ def play(case: Case, passive: bool | None = None) -> Recording:
 
     designs = designs_for(case.scenario)
     with another_plant(case.parameters):
-        return simulate(case.scenario, passive, designs=designs)
+        return simulate(case.scenario, passive, designs=designs, diagnose=diagnose)
+
+
+def k0_alone_of(case: Case, recording: Recording) -> Recording:
+    """Return a case with K0 alone, without what a detector makes; raises as `play`.
+
+    A run in which no q comes to K0 is that already, to the last bit: only others are played.
+    """
+    is_alone = not any(recording.series[key].any() for key in BY_NAME["compensator/q"].series)
+    return recording if is_alone else play(case, passive=True, diagnose=False)
 
 
 def row_of(case: Case, k0_alone: bool) -> Row:
     """Play a case, and return its row: what was drawn, what was run, what came of it."""
     try:
         recording = play(case)
-        beside = play(case, passive=True) if k0_alone else None
+        beside = k0_alone_of(case, recording) if k0_alone else None
     except UserError as problem:  # the scenario has been checked: it is the run that fails
         return {**_about(case), "outcome": outcome((), 0, str(problem)), "problem": str(problem)}
     return {

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
+from ac_common.topics import SERIES
 from ac_experiments.compiled_loop import CompiledLoop
 from ac_experiments.designs import designs_of
 from ac_experiments.loop import Loop
 from ac_experiments.ordinary_ticks import GIVE_UP
 from ac_experiments.scenario import check, load
+from ac_experiments.simulate import simulate
 from fdi_node.envelope.quiet import SETTLE_S
 from gimc_controller_node.protection import DRY
 from gimc_controller_node.reference_limits import TOO_DRY
@@ -28,6 +30,7 @@ CASES = {
     "protected": {"air": {"mass_flow_percent": [{"at_s": 30.0, "to": -85.0}, {"at_s": 60.0, "to": 0.0}]}},
     "passive": {"passive": True, "faults": [PRESSURE]},
 }
+DIAGNOSED = {key for key in SERIES if key.startswith(("fdi/", "compensator/"))}
 
 
 def scenario(**more):
@@ -35,9 +38,9 @@ def scenario(**more):
     return check({"name": "short", "design": "envelope", "duration_s": 150.0, "noise": noise, **more})
 
 
-def both(asked):
-    made = designs_of(asked)
-    loops = [kind(asked, made, None, accommodate=not asked.is_passive(None)) for kind in (Loop, CompiledLoop)]
+def both(asked, diagnose=True):
+    options = {"limits": None, "accommodate": diagnose and not asked.is_passive(None), "diagnose": diagnose}
+    loops = [kind(asked, designs_of(asked), **options) for kind in (Loop, CompiledLoop)]
     loops[0].run(lambda *_: None)
     return *loops, loops[1].run_compiled(lambda *_: None)
 
@@ -53,6 +56,18 @@ def test_both_loops_are_the_same_to_the_last_bit(name):
         assert repr(getattr(compiled, block).state()) == repr(getattr(loop, block).state())
     said = {event["what"] for event in loop.events}
     assert {"too dry": TOO_DRY in said, "protected": DRY in said}.get(name, True)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_without_detector_k0_alone_does_what_it_does_with_one(name):
+    asked = scenario(**CASES[name])
+    watched = simulate(asked, passive=True)
+    for loop in both(asked, diagnose=False)[:2]:
+        assert loop.status == []
+        assert loop.events == watched.metadata["events"]
+        assert watched.series.keys() - loop.series.keys() == DIAGNOSED
+        for key, values in loop.series.items():
+            np.testing.assert_array_equal(values, watched.series[key], key)
 
 
 @pytest.mark.parametrize(

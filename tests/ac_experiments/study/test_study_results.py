@@ -11,13 +11,14 @@ from hypothesis import strategies as st
 
 from ac_common.errors import UserError
 from ac_common.faults import UNKNOWN
+from ac_common.topics import PERFORMANCE_SERIES
 from ac_experiments.study import outcomes
 from ac_experiments.study.cases import Cases
 from ac_experiments.study.compare import compare
 from ac_experiments.study.engine import begin, run_study
 from ac_experiments.study.finish import PAGE, SUMMARY, finish, read_runs
 from ac_experiments.study.results import RUNS, Store
-from ac_experiments.study.runs import designs_for, figures, hold_s, play, row_of
+from ac_experiments.study.runs import designs_for, figures, hold_s, k0_alone_of, play, row_of
 from ac_experiments.study.schema import check_study
 from ac_experiments.study.summary import Runs, runs_of, summarise_study
 from ac_experiments.study.worst import search
@@ -137,6 +138,20 @@ def test_a_run_played_again_is_its_row(played):
         for name, value in row.items():
             stored = runs[name][place]
             assert stored == value or (value is None and stored != stored) or (value is None and stored is None)
+
+
+@pytest.mark.parametrize("design", ["paper", "envelope"])
+def test_k0_alone_beside_a_run_is_that_of_a_passive_run(design):
+    """Whether it is played or the run itself: a run without q is one with K0 alone."""
+    cases, is_played = Cases(check_study({**CONTENT, "set": {"design": design}})), []
+    for run in range(3):
+        recording, passive = play(cases[run]), play(cases[run], passive=True)
+        beside = k0_alone_of(cases[run], recording)
+        is_played.append(beside is not recording)
+        for key in ("plant/evaporator_pressure", "plant/superheat", *PERFORMANCE_SERIES):
+            assert np.array_equal(beside.series[key], passive.series[key]), key
+    assert any(is_played)
+    assert not all(is_played) or design == "paper"  # where the guard answers to noise
 
 
 def test_a_run_that_cannot_go_on_is_a_row_too(monkeypatch):
