@@ -49,16 +49,17 @@ class Timing:
         At most at a time.
     wall_s : float
         From the first batch handed out to the last come back.
-    busy_s : float
-        Seconds in runs, of all workers together.
+    busy_s, busy_cpu_s : float
+        Seconds in runs, of all workers together; processor time of these.
     client_cpu_s : float
-        Processor time of this process; with a cluster of its own the scheduler is in it.
+        Processor time of this process meanwhile; with a cluster of its own the scheduler is in it.
     """
 
     runs: int = 0
     workers: int = 0
     wall_s: float = 0.0
     busy_s: float = 0.0
+    busy_cpu_s: float = 0.0
     client_cpu_s: float = 0.0
 
 
@@ -77,8 +78,8 @@ def _loaded(url: str, identity: str) -> Any:
     return Cases(study)
 
 
-def play_batch(url: str, identity: str, code: str, first: int, count: int) -> tuple[int, float]:
-    """Play some runs and write their partition; return how many, and the seconds it took.
+def play_batch(url: str, identity: str, code: str, first: int, count: int) -> tuple[int, float, float]:
+    """Play some runs and write their partition; return how many, the seconds it took, and the processor time.
 
     Raises
     ------
@@ -94,11 +95,11 @@ def play_batch(url: str, identity: str, code: str, first: int, count: int) -> tu
     if made_with() != code:
         msg = "a worker has another version of the program, or another plant, than this one"
         raise RunError(msg)
-    began = time.perf_counter()
+    began, cpu_s = time.perf_counter(), time.process_time()
     cases = _loaded(url, identity)
     rows = [row_of(cases[run], cases.study.k0_alone) for run in range(first, first + count)]
     Store(url).write_part(cases.study, rows)
-    return count, time.perf_counter() - began
+    return count, time.perf_counter() - began, time.process_time() - cpu_s
 
 
 # ------------------------------------------------------------------------------------------------------ the client
@@ -169,7 +170,6 @@ def run_study(
     missing = store.missing(study.runs)
     if missing:
         again = f"what is done stays in {store.url}, and --resume goes on"
-        cpu_s, began = time.process_time(), time.perf_counter()
         try:
             with opened_client(scheduler, workers) as client:
                 _Dealer(study, store, client, timing, progress).deal(missing)
@@ -182,7 +182,6 @@ def run_study(
             what = problem if isinstance(problem, RunError) else _GONE
             msg = f"{what}; {again}"
             raise RunError(msg) from None
-        timing.wall_s, timing.client_cpu_s = time.perf_counter() - began, time.process_time() - cpu_s
     if missing or not store.has(RUNS):
         store.merge(study)
     if timing.runs:
@@ -264,20 +263,23 @@ class _Dealer:
         left = sum(count for _, count in missing)
         done = self._study.runs - left
         self._tell(done)
+        cpu_s, began = time.process_time(), time.perf_counter()
         while waiting or self._out:
             self._hand_out(waiting)
             future = self._next()
             if future is None:
                 continue
             self._out.pop(future)
-            count, seconds = self._result(future)
+            count, seconds, busy_cpu_s = self._result(future)
             future.release()
             done += count
             self._timing.runs += count
             self._timing.busy_s += seconds
+            self._timing.busy_cpu_s += busy_cpu_s
             each = seconds / count
             self._seconds_a_run = each if np.isnan(self._seconds_a_run) else 0.7 * self._seconds_a_run + 0.3 * each
             self._tell(done)
+        self._timing.wall_s, self._timing.client_cpu_s = time.perf_counter() - began, time.process_time() - cpu_s
 
     def _hand_out(self, waiting: deque[tuple[int, int]]) -> None:
         """Give each worker what it has to do next."""
@@ -323,18 +325,19 @@ class _Dealer:
             msg = _GONE
             raise RunError(msg)
 
-    def _result(self, future: Any) -> tuple[int, float]:
+    def _result(self, future: Any) -> tuple[int, float, float]:
+        """Return what `play_batch` has returned."""
         from distributed.scheduler import KilledWorker
 
         if future.status in ("cancelled", "lost"):
             msg = _GONE
             raise RunError(msg)
         try:
-            count, seconds = future.result()
+            played: tuple[int, float, float] = future.result()
         except KilledWorker:
             msg = "a batch has ended several workers, perhaps for lack of memory"
             raise RunError(msg) from None
-        return int(count), float(seconds)
+        return played
 
     def _tell(self, done: int) -> None:
         if self._progress is not None:
