@@ -238,15 +238,25 @@ _LIST_EXAMPLES = (
 )
 
 
+def setting(text: str) -> tuple[str, Any, str]:
+    """Return key and value of a ``dotted.key=value``, and how a complaint about it begins.
+
+    Raises
+    ------
+    UserError
+        When it is none, or its value is not valid YAML.
+    """
+    key, equals, value = text.partition("=")
+    source = f"--set {shortened(text)}"
+    if not equals or not key:
+        msg = f"{source}: must be KEY=VALUE, for instance faults.0.size_rpm=60"
+        raise UserError(msg)
+    return key, parsed(value, f"{source}: the value {quoted(value)} is not valid YAML"), source
+
+
 def _override(content: dict[str, Any], override: str) -> None:
     """Set one ``dotted.key=value`` in the raw content; the schema then judges it like any other value."""
-    key, equals, text = override.partition("=")
-    shown = shortened(override)
-    if not equals or not key:
-        msg = f"--set {shown}: must be KEY=VALUE, for instance faults.0.size_rpm=60"
-        raise UserError(msg)
-    value = parsed(text, f"--set {shown}: the value {quoted(text)} is not valid YAML")
-    put_value(content, key, value, f"--set {shown}")
+    put_value(content, *setting(override))
 
 
 def put_value(content: dict[str, Any], key: str, value: Any, source: str) -> None:

@@ -28,6 +28,8 @@ class Difference:
         Second minus first.
     paired : int
         Pairs that it is from; 0: the runs of both are independent.
+    ratio : tuple of float or None
+        Second over first, pair by pair: mean and largest. None where there are no pairs, or no positive figures.
     """
 
     what: str
@@ -35,6 +37,7 @@ class Difference:
     second: float
     difference: Interval
     paired: int
+    ratio: tuple[float, float] | None = None
 
 
 def pairs_of(first: Runs, second: Runs) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
@@ -111,7 +114,8 @@ def _means(name: str, first: NDArray[np.float64], second: NDArray[np.float64], p
         if known.sum() < 2:
             return None
         a, b = a[known], b[known]
-        return Difference(name, float(a.mean()), float(b.mean()), intervals.mean(b - a), int(known.sum()))
+        ratio = (float((b / a).mean()), float((b / a).max())) if (a > 0.0).all() else None
+        return Difference(name, float(a.mean()), float(b.mean()), intervals.mean(b - a), int(known.sum()), ratio)
     a, b = first[np.isfinite(first)], second[np.isfinite(second)]
     if min(len(a), len(b)) < 2:
         return None

@@ -97,7 +97,8 @@ def play_batch(url: str, identity: str, code: str, first: int, count: int) -> tu
         raise RunError(msg)
     began, cpu_s = time.perf_counter(), time.process_time()
     cases = _loaded(url, identity)
-    rows = [row_of(cases[run], cases.study.k0_alone) for run in range(first, first + count)]
+    study = cases.study
+    rows = [row_of(cases[run], study.k0_alone, study.fault_free) for run in range(first, first + count)]
     Store(url).write_part(cases.study, rows)
     return count, time.perf_counter() - began, time.process_time() - cpu_s
 

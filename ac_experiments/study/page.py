@@ -16,7 +16,17 @@ from ac_experiments.study.outcomes import CORRECT, FALSE_ALARM, MEANINGS, OUTCOM
 from ac_experiments.study.schema import NO_FAULT, study_yaml
 from ac_experiments.study.summary import Runs
 
-_UNITS = {"kpa_s": "kPa s", "k_s": "K s", "kpa": "kPa", "k": "K", "kj": "kJ", "c": "°C", "kw": "kW", "s": "s"}
+_UNITS = {
+    "kpa_s": "kPa s",
+    "k_s": "K s",
+    "kpa": "kPa",
+    "k": "K",
+    "kj": "kJ",
+    "rpm": "rpm",
+    "c": "°C",
+    "kw": "kW",
+    "s": "s",
+}
 
 
 def study_page(runs: Runs, summary: Mapping[str, Any], where: str, timing: Timing | None = None) -> str:
@@ -46,6 +56,7 @@ def study_page(runs: Runs, summary: Mapping[str, Any], where: str, timing: Timin
         Section("sizes", "Sizes that are found", _sizes(summary)),
         Section("roc", "Scale on the thresholds", _scales(summary)),
         Section("benefit", "What accommodation buys and costs", _benefit(summary)),
+        Section("changes", "What a fault changes", _changes(summary)),
         Section("matters", "What matters", _matters(summary, runs)),
         Section("worst", "The worst runs", _worst(summary, where)),
         Section("study", "The study", [Words(study_yaml(runs.study), "code")]),
@@ -239,6 +250,22 @@ def _benefit(summary: Mapping[str, Any]) -> list[Part]:
     heads = ["Fault", "Figure, from the onset on", "Pairs", "Mean difference", "Ratio, median", "Worst", "Worse, %"]
     note = "With accommodation against K0 alone in the same run: difference, and ratio; intervals at 95 %."
     return [Table(heads, rows), Words(note, "note")]
+
+
+def _changes(summary: Mapping[str, Any]) -> list[Part]:
+    rows = []
+    for kind, figures in summary["changes"].items():
+        for name, found in figures.items():
+            text, unit = _figure(name)
+            levels = [interval_text(found[level], ".3g") for level in ("median", "quantile_95")]
+            rows.append([name_of(kind), f"{text}, {unit}", *levels, cell(found["largest"], ".3g")])
+    if not rows:
+        return []
+    note = (
+        "Against the same run without the fault, magnitudes: from the onset on, and (late) from 60 s after it on; the "
+        "speed is the mean of the command. Intervals at 95 %."
+    )
+    return [Table(["Fault", "Figure", "Median", "95 %", "Largest"], rows), Words(note, "note")]
 
 
 def _figure(name: str) -> tuple[str, str]:

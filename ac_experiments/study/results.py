@@ -49,15 +49,20 @@ FIGURES = {
     "estimate": "float64",
     "peak_fault_free": "float64",
     "peak_faulty": "float64",
-    **dict.fromkeys(CONTROL, "float64"),
 }
-ALONE = {f"k0_{name}": "float64" for name in CONTROL}
+#: What a fault changes against the same run without it.
+CHANGES = (
+    *("change_pressure_kpa", "fault_free_peak_pressure_error_kpa"),
+    *("late_change_pressure_kpa", "late_change_superheat_k", "late_change_speed_rpm"),
+)
 
 
 def columns_of(study: Study) -> dict[str, str]:
     """Return the columns of a study's rows with their types; what is drawn and no number is a text."""
     drawn = {f"drawn.{key}": "float64" if one.is_number else "string" for key, one in study.distributions.items()}
-    return {**ABOUT, **drawn, **FIGURES, **(ALONE if study.k0_alone else {})}
+    numbers = (*CONTROL, *(CHANGES if study.fault_free else ()))
+    alone = [f"k0_{name}" for name in numbers] if study.k0_alone else []
+    return {**ABOUT, **drawn, **FIGURES, **dict.fromkeys([*numbers, *alone], "float64")}
 
 
 def _read(file: IO[bytes]) -> Any:

@@ -1,4 +1,4 @@
-"""One run of a study: played, with K0 alone beside it, and put into a row of figures."""
+"""One run of a study: played, with K0 alone and without its faults beside it, and put into a row of figures."""
 
 import math
 from collections.abc import Mapping
@@ -17,6 +17,7 @@ from ac_experiments.metrics import summarise
 from ac_experiments.recording import Recording
 from ac_experiments.scenario_schema import Scenario
 from ac_experiments.study.cases import Case
+from ac_experiments.study.fault_free import FaultFree, Played, changes
 from ac_experiments.study.outcomes import alarms_before, outcome, peaks, right_name
 from ac_experiments.study.schema import NO_FAULT
 
@@ -79,18 +80,37 @@ def k0_alone_of(case: Case, recording: Recording) -> Recording:
     return recording if is_alone else play(case, passive=True, diagnose=False)
 
 
-def row_of(case: Case, k0_alone: bool) -> Row:
-    """Play a case, and return its row: what was drawn, what was run, what came of it."""
+def played(case: Case, k0_alone: bool) -> Played:
+    """Return a case as it is, and with K0 alone when that is asked for, by what their columns begin with."""
+    recording = play(case)
+    return {"": recording, **({"k0_": k0_alone_of(case, recording)} if k0_alone else {})}
+
+
+_fault_free = FaultFree(played)
+
+
+def row_of(case: Case, k0_alone: bool, fault_free: bool = False) -> Row:
+    """Play a case, and return its row: what was drawn, what was run, what came of it.
+
+    Parameters
+    ----------
+    case : Case
+    k0_alone, fault_free : bool
+        Whether K0 alone plays it, too, and whether it is played without its faults, too.
+    """
+    onset_s, plain = _onset_s(case), {}
     try:
-        recording = play(case)
-        beside = k0_alone_of(case, recording) if k0_alone else None
+        runs = played(case, k0_alone) if case.scenario.faults else _fault_free(case, k0_alone)
+        if fault_free and case.scenario.faults:
+            plain = _fault_free(case, k0_alone)
     except UserError as problem:  # the scenario has been checked: it is the run that fails
         return {**_about(case), "outcome": outcome((), 0, str(problem)), "problem": str(problem)}
-    return {
-        **_about(case),
-        **figures(recording, hold_s(designs_for(case.scenario).fdi)),
-        **({} if beside is None else {f"k0_{key}": value for key, value in _control(beside, _onset_s(case)).items()}),
-    }
+    row = {**_about(case), **figures(runs[""], hold_s(designs_for(case.scenario).fdi))}
+    for prefix, recording in runs.items():
+        found = _control(recording, onset_s) if prefix else {}
+        found |= changes(recording, plain[prefix], onset_s) if plain else {}
+        row |= {f"{prefix}{key}": value for key, value in found.items()}
+    return row
 
 
 def _about(case: Case) -> Row:

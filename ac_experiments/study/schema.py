@@ -1,7 +1,7 @@
 """What a study file may hold: the scenario, what of it varies and how it is drawn, how many runs."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -13,7 +13,7 @@ from ac_common.errors import UserError
 from ac_common.faults import KINDS
 from ac_common.yaml_file import parsed, text_of, yaml_text
 from ac_experiments.drives import FAMILY
-from ac_experiments.scenario import complaint, load
+from ac_experiments.scenario import complaint, load, setting
 from ac_experiments.scenario_schema import LARGEST_SEED, ScheduledFault
 from ac_experiments.schema_part import Part, quoted, unknown
 from ac_experiments.study.distributions import Distribution, distribution
@@ -95,6 +95,7 @@ class Study(Part):
     seed: int = Field(default=0, ge=0, le=LARGEST_SEED // 2)
     sampling: Literal["random", "latin_hypercube", "sobol", "saltelli"] = "random"
     k0_alone: bool = False
+    fault_free: bool = False
 
     @model_validator(mode="after")
     def _fits(self) -> "Study":
@@ -160,7 +161,9 @@ def built_in_studies() -> dict[str, Path]:
     return {path.stem: path for path in sorted(BUILT_IN.glob("*.yaml"))}
 
 
-def load_study(name_or_path: str | Path, changes: Mapping[str, Any] | None = None) -> Study:
+def load_study(
+    name_or_path: str | Path, changes: Mapping[str, Any] | None = None, settings: Sequence[str] = ()
+) -> Study:
     """Read a study by built-in name or by path, check it, and put its scenario into it: then it says all.
 
     Parameters
@@ -169,6 +172,8 @@ def load_study(name_or_path: str | Path, changes: Mapping[str, Any] | None = Non
         A built-in name (``small_faults``), or the path of a YAML file.
     changes
         Keys to replace, for instance ``{"runs": 20}``.
+    settings
+        ``KEY=VALUE`` of what is to be the same in all runs, beside the file's `set`.
 
     Raises
     ------
@@ -184,7 +189,11 @@ def load_study(name_or_path: str | Path, changes: Mapping[str, Any] | None = Non
         msg = f"{path}: must hold keys and values such as 'runs: 200'"
         raise UserError(msg)
     content.setdefault("name", path.stem)
-    study = check_study({**content, **(changes or {})}, str(path))
+    content |= changes or {}
+    for text in settings:
+        key, value, _ = setting(text)
+        content["set"] = {**(content.get("set") or {}), key: value}
+    study = check_study(content, f"{path.name} with --set" if settings else str(path))
     if study.is_family or isinstance(study.scenario, Mapping):
         return study
     beside = path.parent / study.scenario

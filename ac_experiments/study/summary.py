@@ -13,6 +13,7 @@ from ac_experiments.study import intervals
 from ac_experiments.study.importance import Importance, rank_correlations, sobol_indices
 from ac_experiments.study.outcomes import CORRECT, FALSE_ALARM, OUTCOMES
 from ac_experiments.study.pod import FOUND, Pod, fit_pod
+from ac_experiments.study.results import CHANGES
 from ac_experiments.study.roc import Roc, roc
 from ac_experiments.study.schema import NO_FAULT, Study
 
@@ -95,6 +96,7 @@ def summarise_study(runs: Runs) -> dict[str, Any]:
             "benefit": {kind: benefit(_with(runs, kind)) for kind in (NO_FAULT, *runs.kinds)}
             if runs.study.k0_alone
             else {},
+            "changes": {kind: changes(runs.of_kind(kind)) for kind in runs.kinds} if runs.study.fault_free else {},
             "what_matters": {name: [one._asdict() for one in rows] for name, rows in importance(runs).items()},
             "worst": worst(runs) if len(runs) else [],
         }
@@ -275,6 +277,17 @@ def benefit(runs: Runs) -> dict[str, Any]:
                 "worse_share": intervals.share(worse, len(ratio)),
             }
         found[name] = entry
+    return found
+
+
+def changes(runs: Runs) -> dict[str, Any]:
+    """Return what faults change against the same runs without them: median, 95 % quantile, largest."""
+    found = {}
+    for name in CHANGES:
+        known = np.abs(runs[name][np.isfinite(runs[name])])
+        if len(known):
+            levels = {"median": intervals.quantile(known, 0.5), "quantile_95": intervals.quantile(known, 0.95)}
+            found[name] = {**levels, "largest": float(known.max())}
     return found
 
 

@@ -40,6 +40,15 @@ scheduler_option = click.option(
 )
 
 
+study_set_option = click.option(
+    "--set",
+    "overrides",
+    metavar="KEY=VALUE",
+    multiple=True,
+    help="Set what is the same in all runs, for instance design=paper. May be given again.",
+)
+
+
 @click.group(
     cls=StudyGroup,
     invoke_without_command=True,
@@ -83,12 +92,14 @@ def _print_list() -> None:
     epilog=examples(
         "acftc study run small_faults --out results/small",
         "acftc study run my_study.yaml --runs 20 --out results/try --workers 2",
+        "acftc study run envelope_faults --set sensors=3 --out results/three_sensors",
     )
 )
 @click.argument("study_file", metavar="STUDY")
 @click.option("--out", metavar="DIR", help="Folder, or what fsspec takes (s3://...). Default: results/STUDY.")
 @click.option("--runs", type=click.IntRange(1, 10_000_000), help="Play so many runs instead of the file's.")
 @click.option("--seed", type=click.IntRange(0, 2**30), help="Draw from this seed instead of the file's.")
+@study_set_option
 @click.option("--resume", is_flag=True, help="Go on with what is in DIR: runs that are there are not played again.")
 @workers_option
 @scheduler_option
@@ -98,6 +109,7 @@ def run(
     out: str | None,
     runs: int | None,
     seed: int | None,
+    overrides: tuple[str, ...],
     resume: bool,
     workers: int | None,
     scheduler: str | None,
@@ -112,7 +124,7 @@ def run(
     from ac_experiments.study.schema import load_study
 
     given = {"runs": runs, "seed": seed}
-    chosen = load_study(study_file, {key: value for key, value in given.items() if value is not None})
+    chosen = load_study(study_file, {key: value for key, value in given.items() if value is not None}, overrides)
     Cases(chosen).look()
     store = _store(out or f"results/{chosen.name}")
 
@@ -301,8 +313,9 @@ def compare(first: str, second: str, as_json: bool) -> None:
         sure = "differs" if low > 0.0 or high < 0.0 else ""
         numbers = [f"{value:.4g}" for value in (row.first, row.second, row.difference.value)]
         how = f"{row.paired} pairs" if row.paired else "independent"
-        table.append([row.what, *numbers, f"{low:.3g} to {high:.3g}", how, sure])
-    print_table(["", "A", "B", "B - A", "95 % interval", "", ""], table)
+        ratio = "" if row.ratio is None else f"{row.ratio[0]:.3g}, {row.ratio[1]:.3g}"
+        table.append([row.what, *numbers, f"{low:.3g} to {high:.3g}", how, sure, ratio])
+    print_table(["", "A", "B", "B - A", "95 % interval", "", "", "B/A: mean, largest"], table)
 
 
 @study.command(

@@ -23,12 +23,11 @@ from ac_experiments.designs import designs_of
 from ac_experiments.scenario import load
 from ac_experiments.simulate import simulate
 from ac_plant_node.dynamics.balances import N_STATES
-from docs.tools.envelope_tables import ONSET_S
 from fdi_node.envelope import EnvelopeDesign, EnvelopeDetector
 from fdi_node.envelope.filter import SHORT_R
 from fdi_node.envelope.memory import DOUBT
 
-SIZE_PA, WITHIN_S = 0.4 * KPA, 60.0
+SIZE_PA, ONSET_S, WITHIN_S = 0.4 * KPA, 900.0, 60.0
 _READ = (
     "measured/evaporator_pressure", "measured/superheat", "measured/wall_temperature", "measured/condenser_pressure",
     "measured/air_inlet_temperature", "measured/condenser_air_inlet_temperature",

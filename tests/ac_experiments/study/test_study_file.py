@@ -94,8 +94,19 @@ def test_built_in_studies_are_good_ones_and_survive_their_own_file(name, tmp_pat
     assert known.description
 
 
+def test_what_is_the_same_in_all_runs_may_be_said_on_the_command_line():
+    chosen = load_study("envelope_healthy", {"runs": 3}, ["design=paper", "sensors=3"])
+    assert chosen.set == {"design": "paper", "sensors": 3}
+    assert all(Cases(chosen)[run].scenario.sensors == 3 for run in range(3))
+    with pytest.raises(UserError, match="must be KEY=VALUE"):
+        load_study("envelope_healthy", {}, ["design"])
+    with pytest.raises(UserError, match="operating_point is both set and varied"):
+        load_study("small_faults", {}, ["operating_point=low"])
+
+
 def test_the_built_in_studies_are_those_promised():
     promised = {"envelope_healthy", "envelope_faults", "small_faults", "paper_points", "driver_cost"}
+    promised |= {"envelope_unmodelled", "envelope_other_plants"}
     assert set(built_in_studies()) == promised
 
 

@@ -12,13 +12,18 @@ from hypothesis import strategies as st
 from ac_common.errors import UserError
 from ac_common.faults import UNKNOWN
 from ac_common.topics import PERFORMANCE_SERIES
+from ac_common.units import KPA
+from ac_experiments.scenario import check
 from ac_experiments.study import outcomes
-from ac_experiments.study.cases import Cases
+from ac_experiments.study.cases import Case, Cases
 from ac_experiments.study.compare import compare
 from ac_experiments.study.engine import begin, run_study
+from ac_experiments.study.fault_free import LATE_S
 from ac_experiments.study.finish import PAGE, SUMMARY, finish, read_runs
 from ac_experiments.study.results import RUNS, Store
 from ac_experiments.study.runs import designs_for, figures, hold_s, k0_alone_of, play, row_of
+from ac_experiments.study.results import RUNS, Store, columns_of
+from ac_experiments.study.runs import designs_for, figures, hold_s, play, row_of
 from ac_experiments.study.schema import check_study
 from ac_experiments.study.summary import Runs, runs_of, summarise_study
 from ac_experiments.study.worst import search
@@ -152,6 +157,21 @@ def test_k0_alone_beside_a_run_is_that_of_a_passive_run(design):
             assert np.array_equal(beside.series[key], passive.series[key]), key
     assert any(is_played)
     assert not all(is_played) or design == "paper"  # where the guard answers to noise
+def test_what_a_fault_changes_is_the_run_minus_the_same_without_it():
+    """By hand from two recordings; K0 alone, which does not know of the fault, is changed by other amounts."""
+    content = CONTENT | {"scenario": CONTENT["scenario"] | {"duration_s": 120}, "fault_free": True}
+    cases = Cases(check_study(content))
+    case = next(cases[run] for run in range(12) if "evaporator_pressure" in cases[run].drawn.values())
+    row = row_of(case, k0_alone=True, fault_free=True)
+    plain = Case(0, {}, check({**case.scenario.model_dump(mode="json"), "faults": []}), None, None)
+    for prefix, passive in (("", None), ("k0_", True)):
+        run, without = play(case, passive), play(plain, passive)
+        off = np.abs(run.series["plant/evaporator_pressure"] - without.series["plant/evaporator_pressure"]) / KPA
+        onset_s = case.scenario.faults[0].onset_s
+        assert row[f"{prefix}change_pressure_kpa"] == off[run.time_s >= onset_s].max() > 0.0
+        assert row[f"{prefix}late_change_pressure_kpa"] == off[run.time_s >= onset_s + LATE_S].max()
+        assert row[f"{prefix}fault_free_peak_pressure_error_kpa"] < row[f"{prefix}peak_pressure_error_kpa"]
+    assert set(row) <= set(columns_of(cases.study))
 
 
 def test_a_run_that_cannot_go_on_is_a_row_too(monkeypatch):
@@ -206,6 +226,8 @@ def test_a_known_difference_is_found_pairwise(played):
     (row,) = [row for row in compare(runs, more) if row.what == "iae_pressure_kpa_s"]
     assert row.paired == 12
     assert tuple(row.difference) == pytest.approx((1.0, 1.0, 1.0))
+    ratio = 1.0 + 1.0 / runs["iae_pressure_kpa_s"]
+    assert row.ratio == pytest.approx((ratio.mean(), ratio.max()))
     other = Runs(runs.study.model_copy(update={"seed": 6}), more.columns)
     (row,) = [row for row in compare(runs, other) if row.what == "iae_pressure_kpa_s"]
     assert row.paired == 0
