@@ -98,7 +98,8 @@ def row_of(case: Case, k0_alone: bool, fault_free: bool = False) -> Row:
     k0_alone, fault_free : bool
         Whether K0 alone plays it, too, and whether it is played without its faults, too.
     """
-    onset_s, plain = _onset_s(case), {}
+    onset_s = _onset_s(case)
+    plain: Played = {}
     try:
         runs = played(case, k0_alone) if case.scenario.faults else _fault_free(case, k0_alone)
         if fault_free and case.scenario.faults:

@@ -20,10 +20,8 @@ from ac_experiments.study.compare import compare
 from ac_experiments.study.engine import begin, run_study
 from ac_experiments.study.fault_free import LATE_S
 from ac_experiments.study.finish import PAGE, SUMMARY, finish, read_runs
-from ac_experiments.study.results import RUNS, Store
-from ac_experiments.study.runs import designs_for, figures, hold_s, k0_alone_of, play, row_of
 from ac_experiments.study.results import RUNS, Store, columns_of
-from ac_experiments.study.runs import designs_for, figures, hold_s, play, row_of
+from ac_experiments.study.runs import designs_for, figures, hold_s, k0_alone_of, play, row_of
 from ac_experiments.study.schema import check_study
 from ac_experiments.study.summary import Runs, runs_of, summarise_study
 from ac_experiments.study.worst import search
@@ -157,6 +155,8 @@ def test_k0_alone_beside_a_run_is_that_of_a_passive_run(design):
             assert np.array_equal(beside.series[key], passive.series[key]), key
     assert any(is_played)
     assert not all(is_played) or design == "paper"  # where the guard answers to noise
+
+
 def test_what_a_fault_changes_is_the_run_minus_the_same_without_it():
     """By hand from two recordings; K0 alone, which does not know of the fault, is changed by other amounts."""
     content = CONTENT | {"scenario": CONTENT["scenario"] | {"duration_s": 120}, "fault_free": True}
