@@ -393,7 +393,7 @@ CABIN_SERIES: tuple[str, ...] = BY_NAME["plant/car"].series
 WITH_ENVELOPE: dict[str, tuple[str, ...]] = {
     "measured/condenser_air_inlet_temperature": (FDI,),
     **dict.fromkeys(("measured/evaporator_pressure", "measured/superheat"), (FDI, COMPENSATOR, CONTROLLER)),
-    "measured/condenser_pressure": (FDI, CONTROLLER),
+    "measured/condenser_pressure": (FDI, COMPENSATOR, CONTROLLER),
     "controller/command": (INJECTOR, FDI, COMPENSATOR),
     **{topic.name: () for topic in TOPICS if topic.name.startswith("fdi/innovation/")},
     **{fault.residual_topic: (COMPENSATOR,) for fault in ISOLABLE},

@@ -249,6 +249,7 @@ def envelope_design_of(
     # The observer stands on compiled code, which the designs of one point have no use for.
     from ac_design.envelope import SENSORS, design_envelope_fdi
     from gimc_controller_node.envelope_compensator import EnvelopeCompensatorDesign
+    from gimc_controller_node.protection import limits_for
 
     if node == FDI:
         return design_envelope_fdi(sample_time_s, sensors or SENSORS, superheat=superheat, air_flow=air_flow)
@@ -256,7 +257,9 @@ def envelope_design_of(
     if node == CONTROLLER:
         return k0
     of_k0 = {field.name: getattr(k0, field.name) for field in fields(k0)}
-    return EnvelopeCompensatorDesign(**of_k0, derived=float(superheat == "derived"))
+    limits = limits_for(has_belt=False, measures_head="p_c" in (sensors or SENSORS))
+    capped = limits.highest_head_pa - limits.head_margin_pa
+    return EnvelopeCompensatorDesign(**of_k0, derived=float(superheat == "derived"), capped_head_pa=capped)
 
 
 #: For each value of a scenario's `design`, what gives the design of a node.

@@ -136,7 +136,7 @@ def ordinary_ticks(
                 accommodation(
                     compensator, curve, n, m.x[0], m.x[1],
                     int(named * asked[IS_THERE]), int(named * asked[IS_THERE + 1]), accommodates,
-                    1, measured[0], measured[1], 1, reference[0], reference[1],
+                    1, measured[0], measured[1], measured[3], 1, reference[0], reference[1],
                 )  # fmt: skip
             if accommodates != 0:
                 said[k, 0] = 2.0 if compensator[WITHDRAWN] != 0.0 else compensator[LIMITED]

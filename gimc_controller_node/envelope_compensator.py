@@ -31,6 +31,7 @@ from ac_common.units import KPA
 from ac_plant_node.saturation import saturation_curve, temperature_on
 from gimc_controller_node.compiled import Array, jit
 from gimc_controller_node.controller import ControllerDesign, coordinate
+from gimc_controller_node.protection import NO_HIGHEST_HEAD_PA
 
 Vector = NDArray[np.float64]
 Signal = Sequence[float] | Vector
@@ -51,7 +52,7 @@ ERROR_UNIT = (5.0 * KPA, 2.5)
 _USED, _AVERAGE, _ALLOWED, WITHDRAWN = 0, 2, 3, 4  # of f_N and f_p, after the fades; then the watch
 COMMAND, _PRESSURE = 5, 7  # as it was last sent, as it last read
 LIMITED, Q, _LOWEST, _HIGHEST, _FADES_IN, _FADES_OUT, _AVERAGES = 8, 9, 11, 13, 15, 17, 18
-_HEALTHY, _HARMFUL, _REST, _CURVATURE, _VECTORS = 19, 20, 21, 22, 23
+_HEALTHY, _HARMFUL, _REST, _CURVATURE, _CAPPED, _VECTORS = 19, 20, 21, 22, 23, 24
 
 
 @jit
@@ -84,7 +85,7 @@ def _watch(m: Array, is_active: bool, error: float) -> None:
 @jit
 def accommodation(
     m: Array, curve: Array, n: int, f_n: float, f_p: float, has_f_n: int, has_f_p: int, may_act: int, is_read: int,
-    pressure: float, superheat: float, is_wanted: int, wanted_pressure: float, wanted_superheat: float,
+    pressure: float, superheat: float, head: float, is_wanted: int, wanted_pressure: float, wanted_superheat: float,
 ) -> None:  # fmt: skip
     """One tick: see `EnvelopeCompensator.step`; `curve` is empty when the superheat is not derived."""
     acts, used = may_act != 0 and m[WITHDRAWN] == 0.0, m[_USED : _USED + 2]
@@ -106,7 +107,7 @@ def accommodation(
     speed_stops = not m[_LOWEST] < m[COMMAND] < m[_HIGHEST]
     valve_stops = not m[_LOWEST + 1] < m[COMMAND + 1] < m[_HIGHEST + 1]
     m[LIMITED] = 1.0 if acts and has_f_n != 0 and speed_stops else 0.0
-    at_limit = speed_stops or valve_stops  # there errors grow with any control
+    at_limit = speed_stops or valve_stops or head > m[_CAPPED]  # there errors grow with any control
     if is_wanted != 0 and is_read != 0 and not at_limit:
         errors = wanted_pressure - pressure + used[1], wanted_superheat - superheat + in_superheat
         _watch(m, has_f_n + has_f_p != 0, abs(errors[0]) / ERROR_UNIT[0] + abs(errors[1]) / ERROR_UNIT[1])
@@ -129,6 +130,8 @@ class EnvelopeCompensatorDesign(ControllerDesign):
         By how much the average may exceed that, or what it was when the fault was isolated if that is more.
     derived : float
         Whether the superheat is derived from the measured pressure: 1 or 0.
+    capped_head_pa : float
+        Condenser pressure above which the protection may hold the compressor's speed down, whatever K0 wants.
     """
 
     fade_in_s: float = 0.3
@@ -137,11 +140,12 @@ class EnvelopeCompensatorDesign(ControllerDesign):
     healthy: float = 3.0
     harmful: float = 1.0
     derived: float = 0.0
+    capped_head_pa: float = NO_HIGHEST_HEAD_PA
 
     def try_out(self) -> None:
         """Work for one tick: matrices that do not fit show here, not when the loop runs."""
         one, other = ISOLABLE_KINDS
-        EnvelopeCompensator(self).step((1.0, 1e3), one, other, TYPICAL, TYPICAL)
+        EnvelopeCompensator(self).step((1.0, 1e3), one, other, TYPICAL, (*TYPICAL, 0.0))
 
 
 _STATE = ("_state", "_used", "_watch", "_seen")
@@ -177,7 +181,7 @@ class EnvelopeCompensator:
         m[_FADES_IN : _FADES_IN + 2] = fade_in, 1.0
         m[_LOWEST : _LOWEST + 2], m[_HIGHEST : _HIGHEST + 2] = design.command_min, design.command_max
         m[_HEALTHY], m[_HARMFUL], m[_ALLOWED] = design.healthy, design.harmful, design.healthy + design.harmful
-        m[_REST], m[_CURVATURE] = design.command_rest[0], design.curvature[0]
+        m[_REST], m[_CURVATURE], m[_CAPPED] = design.command_rest[0], design.curvature[0], design.capped_head_pa
         m[COMMAND : COMMAND + 2], m[_PRESSURE] = design.command_rest, TYPICAL[0]
         self.curve = saturation_curve() if design.derived > 0.5 else np.empty(0)
         self._q, self._state, self._command = m[Q : Q + 2], m[_VECTORS : _VECTORS + n], m[COMMAND:_PRESSURE]
@@ -246,8 +250,9 @@ class EnvelopeCompensator:
             f_N [rad/s] and f_p [Pa].
         isolated, also_isolated : str or None
             The isolated faults; for one that is "unknown" there is no q.
-        reference, measured : sequence of float, length 2 or more, optional
-            Of p_e [Pa] and SH [K]; None: missing, and nothing is watched in this tick.
+        reference, measured : sequence of float, optional
+            Of p_e [Pa] and SH [K], measured of p_c [Pa], too, as its last; None: missing, and nothing is watched in
+            this tick.
 
         Returns
         -------
@@ -256,11 +261,10 @@ class EnvelopeCompensator:
         """
         f_n, f_p = estimates
         has_f_n, has_f_p = (int(kind in (isolated, also_isolated)) for kind in ISOLABLE_KINDS)
-        nothing = (0, 0.0, 0.0)
-        is_read, p_e, sh = nothing if measured is None else (1, float(measured[0]), float(measured[1]))
-        is_wanted, pressure, superheat = nothing if reference is None else (1, float(reference[0]), float(reference[1]))
+        is_read, (p_e, sh, p_c) = (0, (0.0, 0.0, 0.0)) if measured is None else (1, (*measured[:2], measured[-1]))
+        is_wanted, (pressure, superheat) = (0, (0.0, 0.0)) if reference is None else (1, reference[:2])
         self._accommodate(
             self.memory, self.curve, self.n_states, float(f_n), float(f_p), has_f_n, has_f_p, int(self.accommodate),
-            is_read, p_e, sh, is_wanted, pressure, superheat,
+            is_read, float(p_e), float(sh), float(p_c), is_wanted, float(pressure), float(superheat),
         )  # fmt: skip
         return self._q.copy()

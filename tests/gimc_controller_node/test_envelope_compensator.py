@@ -112,6 +112,16 @@ def test_errors_at_a_stop_are_not_its_doing(design, joint, stop):
     assert compensator.does == ""
 
 
+def test_errors_while_the_protection_caps_the_speed_are_not_its_doing(design):
+    """Near the highest condenser pressure nothing holds p_e; before, errors that large withdraw q."""
+    for p_c, said in ((2.85e6, ""), (2.5e6, HARMFUL)):
+        compensator = EnvelopeCompensator(replace(design, capped_head_pa=2.8e6))
+        far = (*(REFERENCE - np.array([40.0 * KPA, 10.0])).tolist(), p_c)
+        for _ in range(600):
+            compensator.step((0.0, 5.0 * KPA), SENSOR, None, REFERENCE, far)
+        assert compensator.does == said
+
+
 def test_a_limit_that_leaves_a_part_of_the_fault_is_announced(design):
     compensator = EnvelopeCompensator(design)
     compensator.commanded(design.command_min)
