@@ -119,13 +119,12 @@ class CompiledLoop(Loop):
         times = self._times[first:last]
         _, detected, isolated, _, onset_s, isolated_s, also = self._observer.follow(times[0], times[-1])
         sizes: Iterable[float] = repeat(np.nan)
-        thresholds = self._thresholds[first:last].tolist()
+        thresholds = zip(*self._thresholds[first:last].T.tolist(), strict=True)
         if isolated in ISOLABLE_KINDS:
             sizes = self.made[first:last, RESIDUAL + ISOLABLE_KINDS.index(isolated)].tolist()
-        self.status += [
-            StatusRow(time_s, detected, isolated, size, onset_s, isolated_s, (one, other), also)
-            for time_s, size, (one, other) in zip(times, sizes, thresholds, strict=False)
-        ]
+        found, since = (repeat(detected), repeat(isolated)), (repeat(onset_s), repeat(isolated_s))
+        rows = zip(times, *found, sizes, *since, thresholds, repeat(also), strict=False)
+        self.status += map(StatusRow._make, rows)
 
     def _conclude(self, k: int) -> None:
         """Do the rest of a tick in which the observer has taken the readings."""

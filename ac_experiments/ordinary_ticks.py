@@ -13,10 +13,11 @@ from ac_common.compiled import Array, step_compiler
 from ac_plant_node.compiled_sources import COMPILED_SOURCES
 from ac_plant_node.dynamics.drive import AIR_C, OPENING, SPEED
 from ac_plant_node.dynamics.telling import N_OUTPUTS, run_and_tell
+from ac_plant_node.dynamics.workspace import views
 from ac_plant_node.inputs import INPUT
 from ac_plant_node.properties.tables import Tables
 from fault_injector_node.injector import ACTUATOR_FAULTS, INLET_FAULTS, SENSOR_FAULTS
-from fdi_node.envelope.filter import observe, predict
+from fdi_node.envelope.filter import go_on_to_next, take
 from fdi_node.envelope.memory import Memory, Rules, memory_of, rules_in
 from fdi_node.envelope.model import READING_SCALE
 from fdi_node.envelope.quiet import IS_THERE, UNNAMED, leaves_nothing
@@ -116,7 +117,7 @@ def ordinary_ticks(
     """
     rules = rules_in(packed)
     m = memory_of(flat, rules.rows.shape[0], rules.jumping.shape[0])
-    named = 1.0 - asked[UNNAMED]
+    integration, named = views(m.work), 1.0 - asked[UNNAMED]
     for k in range(first, last):
         row, faulty, reference = made[k], faults[k], references[k]
         measured, command = row[READINGS:INLETS_READ], controller[LAST : LAST + 2]
@@ -126,7 +127,7 @@ def ordinary_ticks(
             if diagnoses != 0:
                 reading[:] = measured
                 told[AIR_C], told[_CONDENSER_AIR_C] = row[INLETS_READ], row[INLETS_READ + 1]
-                observe(flat, packed, reading, told, tables)
+                take(m, integration, rules, reading, told, tables)
             if may_act == 0 or changes[k] != 0.0 or not is_safe:
                 return k, CONCLUDE
             if diagnoses != 0:
@@ -152,7 +153,7 @@ def ordinary_ticks(
             row[_Q:_COMMAND] = compensator[Q : Q + 2]
             row[_COMMAND:_ACTUATOR] = compensator[COMMAND : COMMAND + 2] = command
             told[SPEED], told[OPENING] = command[0], command[1]
-            if diagnoses != 0 and predict(flat, packed, told, tables) != 0:
+            if diagnoses != 0 and go_on_to_next(m, integration, rules, told, tables) != 0:
                 return k, LOST
         _drive(results, inlets, command, faulty, air[k], row, driven)
         if run_and_tell(work, par, sat, vapour, isentrope, liquid, grid, driven, h, results) != 0:

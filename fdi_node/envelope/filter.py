@@ -225,7 +225,12 @@ def observe(flat: Array, packed: Array, reading: Array, told: Array, tab: Tables
     """
     rules = rules_in(packed)
     m = memory_of(flat, rules.rows.shape[0], rules.jumping.shape[0])
-    k = views(m.work)
+    take(m, views(m.work), rules, reading, told, tab)
+
+
+@jit
+def take(m: Memory, k: Work, rules: Rules, reading: Array, told: Array, tab: Tables) -> None:
+    """Do as `observe`, on the parts of both arrays; `k`: those of the memory's `work`."""
     dz = np.empty(m.P.shape[0])
     _renew_when_due(m, k, rules, told, tab)
     _innovate(m, rules, reading)
@@ -244,7 +249,14 @@ def predict(flat: Array, packed: Array, told: Array, tab: Tables) -> int:
     """Go on to the next tick with the plant driven by `told`; 0, or 1 when the state cannot be continued."""
     rules = rules_in(packed)
     m = memory_of(flat, rules.rows.shape[0], rules.jumping.shape[0])
-    k, h = views(m.work), rules.constants[0]
+    status: int = go_on_to_next(m, views(m.work), rules, told, tab)
+    return status
+
+
+@jit
+def go_on_to_next(m: Memory, k: Work, rules: Rules, told: Array, tab: Tables) -> int:
+    """Do as `predict`, on the parts of both arrays; `k`: those of the memory's `work`."""
+    h = rules.constants[0]
     apply(m.x, rules.rows, told, rules.nominal, m.par, m.held)
     for i in range(N_STATES):
         m.now[i] = k.y[i]
