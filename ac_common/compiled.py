@@ -11,8 +11,10 @@ numba takes 130 MB and more than half a second of each process that loads it. Op
 and so are the numbers, to the last bit.
 """
 
+import gc
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache, update_wrapper
 from pathlib import Path
 from types import FunctionType
@@ -62,6 +64,18 @@ def interpret_steps() -> None:
     _Step.interpreted = True
 
 
+@contextmanager
+def compiling() -> Iterator[None]:
+    """Compile a tenth sooner in here: the compiler makes millions of objects, and few of them are cyclic garbage."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
+
+
 def ready[F: Callable[..., Any]](step: F) -> F:
     """Return what a function of a tick comes to in this process: who calls it at every tick saves a detour."""
     found: Any = step.ready() if isinstance(step, _Step) else step
@@ -106,7 +120,10 @@ def _compiled(function: Any, folder: str) -> Any:
     previous = config.CACHE_DIR, getattr(config, "CACHE_LOCATOR_CLASSES", "")  # an old numba has a place for each path
     config.CACHE_DIR, config.CACHE_LOCATOR_CLASSES = folder, f"{__name__}.{Place.__name__}"
     try:
-        return numba.njit(function, cache=_takes_files(folder), error_model="numpy", fastmath=False)
+        # No entry for callers in C: there are none, and it costs a tenth of the time.
+        return numba.njit(
+            function, cache=_takes_files(folder), error_model="numpy", fastmath=False, no_cfunc_wrapper=True
+        )
     finally:
         config.CACHE_DIR, config.CACHE_LOCATOR_CLASSES = previous
 

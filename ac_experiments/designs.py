@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from fdi_node.envelope import EnvelopeDesign
 
 
+_NODES = (FDI, CONTROLLER, COMPENSATOR)
+"""In the order of the fields of `Designs`."""
+
+
 @dataclass(frozen=True)
 class Designs:
     """The three designs that the loop runs; replace one to try another detector, controller or compensator."""
@@ -49,17 +53,18 @@ def designs_at(
     `controller` is which K0, "tracking", "paper" or "belt", with the compensator that belongs to it.
     """
     options = {"sensors": sensors, "superheat": superheat, "controller": controller}
-    return Designs(*_made(PAPER, point, sample_time_s, options))
+    return Designs(*(DESIGNERS[PAPER](node, point, sample_time_s, **options) for node in _NODES))
 
 
 def designs_of(scenario: Scenario) -> Designs | EnvelopeDesigns:
     """Return the designs that a scenario asks for."""
-    made = _made(scenario.design, scenario.operating_point, scenario.sample_time_s, _options(scenario))
+    made = tuple(design_for(node, scenario) for node in _NODES)
     return EnvelopeDesigns(*made) if scenario.design == ENVELOPE else Designs(*made)
 
 
-def _made(design: str, point: str, sample_time_s: float, options: dict[str, Any]) -> tuple[Any, ...]:
-    return tuple(DESIGNERS[design](node, point, sample_time_s, **options) for node in (FDI, CONTROLLER, COMPENSATOR))
+def design_for(node: str, scenario: Scenario) -> Any:
+    """Return the design of one node, one of `ac_common.design_file.DESIGNED`, that a scenario asks for."""
+    return DESIGNERS[scenario.design](node, scenario.operating_point, scenario.sample_time_s, **_options(scenario))
 
 
 def _options(scenario: Scenario) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 import re
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -71,10 +71,22 @@ def beside_bag(bag: Path, name: str) -> Path:
     return (folder if (folder / "bag").is_dir() else folder.parent) / name
 
 
+def _nothing() -> None:
+    return None
+
+
 def finish(
-    recording: "Recording", folder: Path, as_json: bool, bag: Path | None = None, with_report: bool = True
+    recording: "Recording",
+    folder: Path,
+    as_json: bool,
+    bag: Path | None = None,
+    with_report: bool = True,
+    passive: "Callable[[], Recording | None]" = _nothing,
 ) -> None:
-    """Write summary and report of a run, and say where they are; `bag` holds the nodes' health reports."""
+    """Write summary and report of a run, and say where they are.
+
+    `bag` holds the nodes' health reports; `passive` gives the passive run of the same scenario if there is one already.
+    """
     from ac_experiments.metrics import summarise, write_summary
 
     summary = summarise(recording)
@@ -83,7 +95,7 @@ def finish(
     with _earlier_report_removed(folder):
         if with_report:
             written.append(folder / "report.html")
-            write_page(written[-1], recording, bag, *companion(recording))
+            write_page(written[-1], recording, bag, *companion(recording, passive))
     if as_json:
         print_json(summary)
     else:
@@ -119,8 +131,13 @@ def write_page(path: Path, recording: "Recording", bag: Path | None, beside: "Re
     write_report(path, recording, beside, note, reports_of(raw), first_tick_s(raw))
 
 
-def companion(recording: "Recording") -> "tuple[Recording | None, str]":
-    """Give the passive run to show beside an active one with faults, and the sentence that says where it is from."""
+def companion(
+    recording: "Recording", made: "Callable[[], Recording | None]" = _nothing
+) -> "tuple[Recording | None, str]":
+    """Give the passive run to show beside an active one with faults, and the sentence that says where it is from.
+
+    `made` gives one that may be it.
+    """
     from ac_experiments.scenario import check
     from ac_experiments.simulate import simulate as simulate_loop
     from ac_experiments.versions import same_plant
@@ -132,7 +149,9 @@ def companion(recording: "Recording") -> "tuple[Recording | None, str]":
     scenario = check(recording.metadata["scenario"], "scenario of the recording")
     try:
         with progress_bar("the passive run beside it") as progress:
-            passive = simulate_loop(scenario, passive=True, progress=progress)
+            passive = made()
+            if passive is None or passive.metadata["scenario"] != recording.metadata["scenario"]:
+                passive = simulate_loop(scenario, passive=True, progress=progress)
     except UserError as problem:
         return None, f"The passive run beside it could not be simulated: {problem}."
     if not _same_programme(recording, passive):

@@ -12,6 +12,9 @@ from bringup.commands.options import NodeType, OneOf, examples, params_file_opti
 from bringup.commands.outcome import finish, load_scenario, prepare_folder
 from bringup.launch.process_table import LOOP_NODES
 
+#: A run of so many ticks takes longer than what is simulated beside it.
+LONG = 2000
+
 
 @click.command(
     epilog=examples(
@@ -87,27 +90,39 @@ def run(
 
     from ac_experiments.bags.reader import read_bag
     from ac_experiments.designs import check_controller_of
+    from bringup.launch.beside import PASSIVE, Beside
     from bringup.launch.given_parameters import check_designs
     from bringup.launch.launch import run_graph
 
     check_controller_of(chosen)
     check_designs(params_file, chosen)
     command = repeated(context)
-    with page(with_page) as beside, progress_bar(f"{chosen.name} ({mode})") as progress:
-        try:
-            run_graph(
-                chosen,
-                folder,
-                mode=mode,
-                progress=progress,
-                user=user,
-                say=say,
-                beside=beside,
-                care=care,
-                command=command,
-            )
-        except UserError as problem:
-            # The input has been checked by now: what fails here is the run.
-            kind = InterruptedRunError if isinstance(problem.__context__, KeyboardInterrupt) else RunError
-            raise kind(str(problem)) from problem
-    finish(read_bag(folder / "bag"), folder, as_json, folder / "bag", with_report)
+    with Beside(PASSIVE) as passive_run:
+        # Not beside a short run, which ends first, nor on the wall clock, where the processors are the loop's alone.
+        is_long = mode == "lockstep" and chosen.ticks >= LONG
+        wanted = with_report and is_long and bool(chosen.faults) and not chosen.is_passive()
+        with page(with_page) as beside, progress_bar(f"{chosen.name} ({mode})") as progress:
+
+            def told(done: int, of: int) -> None:
+                if wanted:
+                    passive_run.start(chosen)  # once the loop runs
+                if progress is not None:
+                    progress(done, of)
+
+            try:
+                run_graph(
+                    chosen,
+                    folder,
+                    mode=mode,
+                    progress=told,
+                    user=user,
+                    say=say,
+                    beside=beside,
+                    care=care,
+                    command=command,
+                )
+            except UserError as problem:
+                # The input has been checked by now: what fails here is the run.
+                kind = InterruptedRunError if isinstance(problem.__context__, KeyboardInterrupt) else RunError
+                raise kind(str(problem)) from problem
+        finish(read_bag(folder / "bag"), folder, as_json, folder / "bag", with_report, passive_run.result)

@@ -11,9 +11,8 @@ from typing import Any, Self
 
 from ac_common.errors import RunError, UserError, one_line
 from ac_common.topics import PLANT, RECORDER, topics_in
-from ac_experiments.designs import write_designs_of
 from ac_experiments.scenario import check
-from ac_plant_node.rest import prepare
+from bringup.launch.beside import prepare_nodes
 from bringup.launch.node_parameters import NodeStarter, node_parameters
 from bringup.launch.process_table import ACTIVATION_ORDER, PROCESSES
 from bringup.launch.processes import Child, Domain, ros_environment, stop
@@ -91,8 +90,7 @@ class PrivateGraph:
         from bringup.launch.supervisor import Supervisor
 
         try:
-            prepare(self._scenario.operating_point)  # what takes long the first time; the page is there meanwhile
-            write_designs_of(self._scenario, self._log)
+            prepare_nodes(self._scenario, self._log)  # takes long the first time; the page is there meanwhile
             self._is_prepared.set()
             children, environment = self._starter.children, self._starter.environment
             scenario = self._scenario

@@ -12,10 +12,9 @@ from ac_common.errors import InterruptedRunError, RunError, UserError
 from ac_common.health import MissedTick, Restart, missed_ticks
 from ac_common.topics import NAMESPACE, PLANT, RECORDER, Topic, topics_in
 from ac_experiments.bags.mending import mend
-from ac_experiments.designs import write_designs_of
 from ac_experiments.scenario_schema import Scenario
-from ac_plant_node.rest import prepare
 from ac_ros_common.realtime import AWAKE_VARIABLE
+from bringup.launch.beside import prepare_nodes
 from bringup.launch.interrupts import orderly_interrupts
 from bringup.launch.keep_cpus_awake import keep_awake
 from bringup.launch.node_parameters import Mode, NodeStarter, node_parameters
@@ -112,8 +111,7 @@ def run_graph(
             with _started(starter, environment, mode, domain, say, topics) as supervisor:
                 from bringup.launch.run_end import wait_until_done
 
-                prepare(scenario.operating_point)  # meanwhile the nodes are starting
-                write_designs_of(scenario, out_dir / "log")
+                prepare_nodes(scenario, out_dir / "log")  # meanwhile the nodes are starting
                 supervisor.activate(ACTIVATION_ORDER)
                 start_seconds = time.monotonic() - called_s
                 wait_until_done(supervisor, scenario.ticks, progress)

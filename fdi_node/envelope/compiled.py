@@ -6,10 +6,12 @@ from typing import Any
 from ac_common.compiled import Array, compiler
 from ac_plant_node.compiled_sources import COMPILED_SOURCES
 
-__all__ = ["Array", "jit"]
+__all__ = ["SOURCES", "Array", "jit"]
 
 _MODULES = ("model", "transition", "memory", "products", "step", "jumps", "filter", "quiet")
-_compile = compiler(*COMPILED_SOURCES, *(f"fdi_node.envelope.{name}" for name in _MODULES))
+SOURCES = (*COMPILED_SOURCES, *(f"fdi_node.envelope.{name}" for name in _MODULES))
+"""As `COMPILED_SOURCES` of the plant."""
+_compile = compiler(*SOURCES)
 
 
 def jit[F: Callable[..., Any]](function: F) -> F:

@@ -125,7 +125,7 @@ def _uncertain(m: Memory, rules: Rules) -> int:
 
 
 @jit
-def _innovate(m: Memory, rules: Rules, reading: Array) -> None:
+def innovate(m: Memory, rules: Rules, reading: Array) -> None:
     """Work out innovations, C P and the innovations' standard deviations before this tick's correction."""
     n = _uncertain(m, rules)
     for r in range(N_READINGS):
@@ -153,7 +153,7 @@ def _innovate(m: Memory, rules: Rules, reading: Array) -> None:
 
 
 @jit
-def _correct(m: Memory, rules: Rules, dz: Array) -> None:
+def correct(m: Memory, rules: Rules, dz: Array) -> None:
     """Work out the correction `dz` (n,), the covariance after it, and what the jumps' windows learn."""
     n = _uncertain(m, rules)
     may_gate, gated, total, readings = m.scalars[GATED] * rules.constants[0] < GATED_S, False, 0.0, 0.0
@@ -233,10 +233,10 @@ def take(m: Memory, k: Work, rules: Rules, reading: Array, told: Array, tab: Tab
     """Do as `observe`, on the parts of both arrays; `k`: those of the memory's `work`."""
     dz = np.empty(m.P.shape[0])
     _renew_when_due(m, k, rules, told, tab)
-    _innovate(m, rules, reading)
+    innovate(m, rules, reading)
     jumps.begin_due(m, rules, int(m.scalars[TICKS]))
     m.scalars[TICKS] += 1.0
-    _correct(m, rules, dz)
+    correct(m, rules, dz)
     m.scalars[CAUTION] *= np.exp(-rules.constants[0] / CAUTION_S)
     for i in range(N_STATES):
         m.before[i] = k.y[i]
@@ -266,7 +266,7 @@ def go_on_to_next(m: Memory, k: Work, rules: Rules, told: Array, tab: Tables) ->
         for i in range(N_STATES):
             k.y[i] = m.now[i] = m.before[i]
         status = go_on(k, m.work, m.par, tab, m.held, h, m.C, m.out)
-    _propagate_covariance(m, k.y, rules, _uncertain(m, rules))
+    propagate_covariance(m, k.y, rules, _uncertain(m, rules))
     jumps.propagate(m, rules, told[OPENING])
     for r in range(N_READINGS):
         if not np.isfinite(m.out[r]):
@@ -275,7 +275,7 @@ def go_on_to_next(m: Memory, k: Work, rules: Rules, told: Array, tab: Tables) ->
 
 
 @jit
-def _propagate_covariance(m: Memory, y: Array, rules: Rules, n: int) -> None:
+def propagate_covariance(m: Memory, y: Array, rules: Rules, n: int) -> None:
     """P <- F P F' + Q of the first n states, no standard deviation above `MOST_SD`."""
     P, F, h, size = m.P, m.F, rules.constants[0], m.P.shape[0]
     M, FT, D = np.empty((N_STATES, size)), np.empty((size, N_STATES)), np.empty((N_STATES, N_STATES))
