@@ -11,10 +11,8 @@ numba takes 130 MB and more than half a second of each process that loads it. Op
 and so are the numbers, to the last bit.
 """
 
-import gc
 import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import cache, update_wrapper
 from pathlib import Path
 from types import FunctionType, ModuleType
@@ -62,18 +60,6 @@ def step_compiler(*packages: str) -> Callable[..., Any]:
 def interpret_steps() -> None:
     """Leave functions of a tick to Python from now on in this process; to be called before any of them is used."""
     _Step.interpreted = True
-
-
-@contextmanager
-def compiling() -> Iterator[None]:
-    """Compile a tenth sooner in here: the compiler makes millions of objects, and few of them are cyclic garbage."""
-    was_on = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_on:
-            gc.enable()
 
 
 def ready[F: Callable[..., Any]](step: F) -> F:

@@ -5,6 +5,7 @@ from typing import Literal
 
 import click
 
+from ac_common import collector
 from ac_common.errors import InterruptedRunError, RunError, UserError
 from bringup.commands.console import progress_bar, say
 from bringup.commands.dash import dash_option, page
@@ -125,4 +126,5 @@ def run(
                 # The input has been checked by now: what fails here is the run.
                 kind = InterruptedRunError if isinstance(problem.__context__, KeyboardInterrupt) else RunError
                 raise kind(str(problem)) from problem
-        finish(read_bag(folder / "bag"), folder, as_json, folder / "bag", with_report, passive_run.result)
+        with collector.paused():
+            finish(read_bag(folder / "bag"), folder, as_json, folder / "bag", with_report, passive_run.result)

@@ -12,6 +12,7 @@ import tempfile
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
+from ac_common import collector
 from ac_common.design_file import ENVELOPE
 from ac_common.topics import COMPENSATOR, CONTROLLER, FDI
 from ac_experiments.designs import design_for, write_designs_of
@@ -78,7 +79,7 @@ def prepare_nodes(scenario: Scenario, folder: "Path") -> None:
     UserError
         As `ac_experiments.designs.write_designs_of`.
     """
-    with Beside(_OBSERVER) as observer:
+    with collector.paused(), Beside(_OBSERVER) as observer:
         if scenario.design == ENVELOPE and not _observer_is_compiled():
             observer.start(scenario)
         prepare(scenario.operating_point)
@@ -116,7 +117,8 @@ TASKS: "dict[str, Callable[[Scenario], Any]]" = {_OBSERVER: _compile_observer, P
 def main() -> None:
     """Do a task for the scenario on stdin; what it makes goes to stdout."""
     end_with_parent()
-    made = TASKS[sys.argv[1]](check(json.load(sys.stdin)))
+    with collector.paused():
+        made = TASKS[sys.argv[1]](check(json.load(sys.stdin)))
     pickle.dump(made, sys.stdout.buffer)
 
 

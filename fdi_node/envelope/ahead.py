@@ -13,7 +13,6 @@ import numpy as np
 from numba import typeof
 
 from ac_common.cache import compiled_folder
-from ac_common.compiled import compiling
 from ac_plant_node.dynamics.balances import N_STATES
 from ac_plant_node.dynamics.workspace import views
 from fdi_node.envelope import filter as kalman
@@ -33,15 +32,13 @@ def is_compiled() -> bool:
 
 def compile_first() -> None:
     """Compile what has nothing of the plant's equations in it."""
-    with compiling():
-        for function, arguments in parts():
-            function.compile(tuple(typeof(argument) for argument in arguments))
+    for function, arguments in parts():
+        function.compile(tuple(typeof(argument) for argument in arguments))
 
 
 def compile_rest(design: EnvelopeDesign) -> None:
     """Compile the rest, by two ticks of any design."""
-    with compiling():
-        design.try_out()
+    design.try_out()
     with contextlib.suppress(OSError):  # a cache that cannot be written costs time, and nothing else
         _mark().touch()
 
