@@ -28,8 +28,8 @@ RUNTIME, EXTRA, DEVELOPMENT = range(3)
 EXTRAS = ("export", "foxglove", "study")  # commands of acftc
 DEVELOPERS = ("lint-imports", "mkdocs", "mypy", "pytest", "ruff")
 SIZES = ("0.9 GB", "1.2 GB", "2.1 GB")
-# Bytecode that nobody runs is not made.
-NO_BYTECODE = "/(tests?|testing|sphinxext)/"
+# Bytecode that nobody runs is not made; of large packages of which little is used, the interpreter makes what it needs.
+NO_BYTECODE = "/(tests?|testing|sphinxext|bokeh|cuda|f2py|fontTools|plotly|pygments|setuptools)/"
 # glibc of Debian 12 and newer, Ubuntu 22.04 and newer: what the ROS wheels are built for.
 SYSTEMS = {("Linux", "x86_64"), ("Linux", "aarch64")}
 
@@ -109,9 +109,9 @@ def make_environment(level: int) -> None:
     pip = [uv, "pip", "install", "--quiet", "--python", python]
     remedy = "see the lines above; a network or disk problem is the usual cause"
     call([*pip, "--require-hashes", "-r", LEVELS[level]], "the pinned packages could not be installed", remedy)
-    call([*pip, "--no-deps", "--editable", "."], "acftc itself could not be installed", remedy)
     # A file that does not compile (a template, code for another Python) is none of ours.
-    subprocess.run([python, "-m", "compileall", "-qq", "-j", "0", "-x", NO_BYTECODE, str(VENV / "lib")], check=False)
+    with subprocess.Popen([python, "-m", "compileall", "-qq", "-j", "0", "-x", NO_BYTECODE, str(VENV / "lib")]):
+        call([*pip, "--no-deps", "--editable", "."], "acftc itself could not be installed", remedy)
     (VENV / "COLCON_IGNORE").touch()  # it may stand in a workspace
     (VENV / "acftc-environment").write_text(f"{wanted()} {level}")
 
