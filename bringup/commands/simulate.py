@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+from ac_common import collector
 from bringup.commands.console import progress_bar
 from bringup.commands.options import examples, params_file_option, repeated, scenario_options
 from bringup.commands.outcome import finish, load_scenario, prepare_folder
@@ -57,8 +58,9 @@ def simulate(
     with progress_bar(f"{chosen.name} (simulation)") as progress:
         recording = simulate_loop(made.scenario, progress=progress, designs=designs, limits=made.limits)
     recording.metadata["command"] = repeated(context)
-    if with_bag:
-        from ac_experiments.bags.simulated import write_bag
+    with collector.paused():
+        if with_bag:
+            from ac_experiments.bags.simulated import write_bag
 
-        write_bag(folder / "bag", recording, designs)
-    finish(recording, folder, as_json, with_report=with_report)
+            write_bag(folder / "bag", recording, designs)
+        finish(recording, folder, as_json, with_report=with_report)
