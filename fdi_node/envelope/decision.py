@@ -241,7 +241,8 @@ class EnvelopeDecision:
         known = [one.unknown for one in self.isolated]
         is_unsure = any(one.unknown >= 0 and not one.is_abrupt for one in self.isolated)
         ratios = self._memory.ratios.tolist()
-        ratios[ABRUPT] -= limits.onsets_malus
+        for abrupt in ABRUPT:
+            ratios[abrupt] -= limits.onsets_malus
         if is_unsure:
             _weigh(ratios, [at in known for at in self._positions], self._reported, limits.second)
         best = max(ratios)

@@ -36,7 +36,6 @@ Vector = NDArray[np.float64]
 Signal = Sequence[float] | Vector
 
 _AIR, _CONDENSER_AIR_C = INPUT["air_mass_flow"], INPUT["condenser_air_inlet_temperature"]
-_TOLERANCE = 1.0e-4
 LEAST_PRESSURE_PA = 1.0e4
 JACOBIAN_S = 2.0
 """A Jacobian is renewed after this time at the latest."""
@@ -173,7 +172,7 @@ class EnvelopeDetector:
         away = ((design.start_outputs - reading) / (20.0 * READING_SCALE))[:, design.used > 0.5]
         start = int(np.argmin((away**2).sum(axis=1)))
         self._flat[:] = 0.0
-        m.work[:] = integrator.new_work(design.start_states[start], _TOLERANCE)
+        m.work[:] = integrator.new_work(design.start_states[start])
         first = np.concatenate([np.full(N_STATES, deviation), design.first / self.rules.rows[:, 2]])
         first[ENERGY] = 0.0
         if not self._decision.is_open:

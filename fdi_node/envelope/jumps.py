@@ -10,7 +10,8 @@ so ``d_h^2 / S_h`` is twice the log-likelihood ratio of "h has jumped" to "nothi
 What jumps has a prior variance, which adds its inverse to S. A valve that is stuck has no size to be found: its
 opening is off by what the command has done since, and the ratio is ``2 d - S``. For a sensor that drifts v is the rate:
 V_h is 0 at first, and its own row gains a tick's share in each tick. A small jump of the pressure's sensor differs from
-a fault of the compressor by its first ticks, so for it every tick is a possible beginning.
+a fault of the compressor by its first ticks, and a larger one from a step of the air flow, so for these two every tick
+is a possible beginning.
 """
 
 import numpy as np
@@ -43,6 +44,12 @@ def _column(beginning: int, h: int, q: int) -> int:
 
 
 @jit
+def _abrupt(onset: int) -> int:
+    """Which of those that may jump an onset is of."""
+    return ABRUPT[(onset - N_WINDOWS) // (N_ONSETS + 1)]
+
+
+@jit
 def _begin_column(m: Memory, rules: Rules, at: int, h: int) -> None:
     """Let a column of V that is zero begin with a jump of its unknown."""
     if rules.prior[h] >= 0.0 and rules.growing[h] == 0.0:
@@ -66,19 +73,21 @@ def begin(m: Memory, rules: Rules, window: int) -> None:
 
 @jit
 def _begin_onset(m: Memory, rules: Rules, tick: int) -> None:
-    """Begin with an abrupt jump in this tick; the one that gives way is kept if it is the likeliest so far."""
-    q, kept = rules.jumping.shape[0], N_BEGINNINGS - 1
-    onset = N_WINDOWS + tick % N_ONSETS
-    at, to = _column(onset, ABRUPT, q), _column(kept, ABRUPT, q)
-    too_old = m.age[kept] * rules.constants[0] > LONGEST_S
-    if too_old or _ratio(m, rules, at, ABRUPT) > _ratio(m, rules, to, ABRUPT):
+    """Begin with the abrupt jumps in this tick; one that gives way is kept if it is the likeliest so far."""
+    q = rules.jumping.shape[0]
+    for a, h in enumerate(ABRUPT):
+        first = N_WINDOWS + a * (N_ONSETS + 1)
+        onset, kept = first + tick % N_ONSETS, first + N_ONSETS
+        at, to = _column(onset, h, q), _column(kept, h, q)
+        too_old = m.age[kept] * rules.constants[0] > LONGEST_S
+        if too_old or _ratio(m, rules, at, h) > _ratio(m, rules, to, h):
+            for i in range(m.V.shape[0]):
+                m.V[i, to] = m.V[i, at]
+            m.S[to], m.d[to], m.age[kept] = m.S[at], m.d[at], m.age[onset]
         for i in range(m.V.shape[0]):
-            m.V[i, to] = m.V[i, at]
-        m.S[to], m.d[to], m.age[kept] = m.S[at], m.d[at], m.age[onset]
-    for i in range(m.V.shape[0]):
-        m.V[i, at] = 0.0
-    _begin_column(m, rules, at, ABRUPT)
-    m.age[onset] = 0.0
+            m.V[i, at] = 0.0
+        _begin_column(m, rules, at, h)
+        m.age[onset] = 0.0
 
 
 @jit
@@ -91,7 +100,7 @@ def begin_all(m: Memory, rules: Rules) -> None:
         for at in range(N_WINDOWS * q, m.V.shape[1]):
             m.V[i, at] = 0.0
     for onset in range(N_WINDOWS, N_BEGINNINGS):
-        _begin_column(m, rules, _column(onset, ABRUPT, q), ABRUPT)
+        _begin_column(m, rules, _column(onset, 0, q), _abrupt(onset))
         m.age[onset] = 0.0
 
 
@@ -178,12 +187,11 @@ def judge(m: Memory, rules: Rules) -> None:
             m.telling[window] = max(m.telling[window], ratio)
             if ratio > m.ratios[h]:
                 m.ratios[h], m.best[h] = ratio, window
-    prior, largest = rules.prior[ABRUPT], _largest(rules, ABRUPT)
     for onset in range(N_WINDOWS, N_BEGINNINGS):
-        at = _column(onset, ABRUPT, q)
-        ratio = _ratio_of(m.S[at], m.d[at], prior, largest)
-        if ratio > m.ratios[ABRUPT]:
-            m.ratios[ABRUPT], m.best[ABRUPT] = ratio, onset
+        h = _abrupt(onset)
+        ratio = _ratio(m, rules, _column(onset, h, q), h)
+        if ratio > m.ratios[h]:
+            m.ratios[h], m.best[h] = ratio, onset
     for h in range(q):
         m.scalars[LARGEST] = max(m.scalars[LARGEST], m.ratios[h])
 

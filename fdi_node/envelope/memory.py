@@ -13,11 +13,13 @@ from fdi_node.envelope.model import N_READINGS
 
 N_WINDOWS = 8
 """Windows in which jumps are looked for; the last is for those that startle."""
+ABRUPT = (1, 2)
+"""Which of those that may jump do so in one tick that has to be found: the sensor of the evaporator's pressure, and the
+air flow that moves the pressure as fast. If that were looked for in windows only, the sensor would explain its steps
+better because of the better onset."""
 N_ONSETS = 10
-"""Ticks for each of which an abrupt jump is looked for, beside; the likeliest before them is kept."""
-ABRUPT = 1
-"""Which of those that may jump does so in one tick: the sensor of the evaporator's pressure."""
-N_BEGINNINGS = N_WINDOWS + N_ONSETS + 1
+"""Ticks for each of which these jumps are looked for, beside; the likeliest before them is kept."""
+N_BEGINNINGS = N_WINDOWS + len(ABRUPT) * (N_ONSETS + 1)
 N_PARAMETERS = len(NAMES)
 
 TICKS, LOST, AGE, ZETA_THEN, SPEED_THEN, OPENING_THEN, DOUBT, NIS, GATED, LARGEST, SLOPE, CAUTION = range(12)
@@ -77,10 +79,10 @@ class Memory(NamedTuple):
     integration vector before the last correction and after it; `par`, `held`: the plant's, unknowns included; `e`, `s`
     (4,): innovations and their standard deviations; `white` (4,): innovations of the readings one after the other over
     theirs; `P` (n, n), `A`, `F` (12, n), `C`, `PC` (4, n): covariance, Jacobian, transition, Jacobian of the readings,
-    C P, all in units of the scales; `V` (n, w q + 11), `S`, `d` (w q + 11,): as in `jumps`, of the jumps in w windows,
-    then of the abrupt one from each of the last ticks on, and of the one that is kept; `age` (w + 11,): ticks of each;
-    `telling`, `opening` (w,): a window's largest ratio, the valve's opening when it began; `ratios`, `best` (q,): of
-    each jump the largest ratio, and which beginning it is of.
+    C P, all in units of the scales; `V` (n, w q + 11 a), `S`, `d` (w q + 11 a,): as in `jumps`, of the jumps in w
+    windows, then of each of the a abrupt ones from each of the last ticks on, and of the one that is kept; `age`
+    (w + 11 a,): ticks of each; `telling`, `opening` (w,): a window's largest ratio, the valve's opening when it began;
+    `ratios`, `best` (q,): of each jump the largest ratio, and which beginning it is of.
     """
 
     work: Array
@@ -129,7 +131,7 @@ def memory_of(flat: Array, m: int, q: int) -> Memory:
     s = r + N_STATES * n
     t = s + N_READINGS * n
     u = t + N_READINGS * n
-    columns = w * q + N_ONSETS + 1
+    columns = w * q + N_BEGINNINGS - w
     v = u + n * columns
     x = v + columns
     y = x + columns
@@ -146,6 +148,6 @@ def memory_of(flat: Array, m: int, q: int) -> Memory:
 def new_memory(m: int, q: int) -> Array:
     """Return the array of an observer with m unknowns of which q may jump, all zero."""
     n, w = N_STATES + m, N_WINDOWS
-    columns = w * q + N_ONSETS + 1
+    columns = w * q + N_BEGINNINGS - w
     small = N_WORK + N_SCALARS + m + 2 * N_STATES + N_PARAMETERS + N_HELD + 4 * N_READINGS
     return np.zeros(small + n * n + 2 * (N_STATES + N_READINGS) * n + (n + 2) * columns + N_BEGINNINGS + 2 * w + 2 * q)
