@@ -4,8 +4,11 @@ At every tick there are explanations of what has been seen: a jump of one unknow
 "nothing has jumped" (`fdi_node.envelope.jumps`).
 
 - An explanation is accepted when its ratio is high enough and for long enough ahead of that of every other one. The
-  estimate is then moved as it says.
-- Jumps of the air flows are no fault. Of a fault that has a name, the name is isolated; the others are "unknown". So is
+  estimate is then moved as it says. A first, small fault needs less of a lead the longer it has been likely: what tells
+  a fault of the compressor from one of the pressure's sensor is mostly in the first seconds of it.
+- Jumps of the air flows are no fault, and they happen while a small fault is still in doubt: one is accepted when it
+  explains more than any other jump does, together with what was likely before it, and what was told of that is kept.
+- Of a fault that has a name, the name is isolated; the others are "unknown". So is
   what no explanation is ahead of for `undecided_s`, what leaves the innovations inconsistent for so long, and a fault
   larger than one with that name can be.
 - A named fault is isolated without a jump, too, when its estimate has wandered beyond its threshold and no jump waits
@@ -32,7 +35,7 @@ from ac_plant_node.dynamics.balances import N_STATES
 from fdi_node.envelope import filter as kalman
 from fdi_node.envelope import jumps
 from fdi_node.envelope.limits import Limits
-from fdi_node.envelope.memory import ABRUPT, LARGEST, NIS, TICKS, memory_of, rules_in
+from fdi_node.envelope.memory import LARGEST, N_ONSETS, NIS, TICKS, Memory, Rules, memory_of, rules_in
 from fdi_node.envelope.quiet import (
     FLOORS,
     HIGHEST,
@@ -241,45 +244,44 @@ class EnvelopeDecision:
         known = [one.unknown for one in self.isolated]
         is_unsure = any(one.unknown >= 0 and not one.is_abrupt for one in self.isolated)
         ratios = self._memory.ratios.tolist()
-        for abrupt in ABRUPT:
-            ratios[abrupt] -= limits.onsets_malus
         if is_unsure:
             _weigh(ratios, [at in known for at in self._positions], self._reported, limits.second)
+        flow = _air_flow_that_jumped(self._memory, self._rules, self._reported, ratios, limits, not self.isolated)
+        if flow is not None:
+            kalman.accept_jump(self._flat, self._rules, flow, False)
+            since.natural = time_s
+            return
         best = max(ratios)
         top = ratios.index(best)
         unknown, grows = self._positions[top], bool(self._rules.growing[top])
         lead = best - max(ratio for ratio, other in zip(ratios, self._positions, strict=True) if other != unknown)
-        is_ahead = lead > max(limits.ahead, limits.ahead_share * best)
         reported = self._reported[top]
-        if reported == NATURAL and lead > limits.ahead_natural:
-            kalman.accept_jump(self._flat, self._rules, top)
-            since.unlikely()
-            since.natural = time_s
-            return
         likely = limits.likely_open if self.is_open else limits.likely
         if here < likely or (reported == UNKNOWN and here < limits.likely_unknown):
             since.unlikely()
             return
         if since.likely == NOT:
             since.likely = time_s
-        if not is_ahead:
+        waited_s = 0.0 if self.isolated or self.is_open else time_s - since.likely
+        if not lead > limits.lead(best, waited_s):
             since.ahead = NOT
         elif unknown != since.leader or since.ahead == NOT:
             since.leader, since.ahead = unknown, time_s
         onset_s = time_s - float(self._memory.age[int(self._memory.best[top])]) * self._h
         since.certain = min(since.certain, time_s) if here > limits.certain else NOT
-        is_plain = here > limits.plain and unknown == 0 and not grows
+        is_plain = here > limits.plain and unknown == 0 and not grows and lead > limits.lead(best, 0.0)
         hold_s = limits.hold_growing_s if grows else limits.hold_s if is_plain else limits.hold_unsure_s
         share = limits.at_once_share_open if self.is_open else limits.at_once_share
         at_once = reported != UNKNOWN and not grows and time_s - onset_s <= limits.at_once_s
         at_once = at_once and lead > max(limits.at_once, share * best)
-        ready_s = max(since.ahead + hold_s, -NOT if is_plain else since.natural + limits.after_natural_s)
+        waits = not is_plain and onset_s >= since.natural - N_ONSETS * self._h
+        ready_s = max(since.ahead + hold_s, since.natural + limits.after_natural_s if waits else -NOT)
         if at_once or time_s >= ready_s - 1.0e-9:
             is_unsure = is_unsure or time_s - since.unknown < limits.after_unknown_s
             if is_unsure and reported != UNKNOWN and unknown not in known and not at_once:
                 self._add(-1, UNKNOWN, onset_s, time_s)
                 return
-            kalman.accept_jump(self._flat, self._rules, top)
+            kalman.accept_jump(self._flat, self._rules, top, True)
             since.unlikely()
             self._add(-1 if self._rules.prior[top] < 0.0 else unknown, reported, onset_s, time_s, at_once)
         elif time_s - since.certain >= limits.undecided_s:
@@ -377,6 +379,19 @@ class EnvelopeDecision:
         """Take the place of the decision whose `state` this is; `KeyError`, `TypeError`, `ValueError`: it is none."""
         self.isolated, self.since, self.is_open = _restored(state, len(self._unknowns))
         self._set_drifts()
+
+
+def _air_flow_that_jumped(
+    m: Memory, rules: Rules, reported: list[str], ratios: list[float], limits: Limits, is_first: bool
+) -> int | None:
+    """Return which air flow has jumped, if that explains more than any other jump, with what was likely before it."""
+    top = max((h for h, name in enumerate(reported) if name == NATURAL), key=lambda h: ratios[h])
+    if ratios[top] < limits.natural:
+        return None
+    before = float(jumps.told_before(m, rules, top)) if is_first else 0.0
+    explained = ratios[top] + (before if before > limits.natural else 0.0)
+    others = max(ratio for h, ratio in enumerate(ratios) if h != top)
+    return top if explained - others > limits.ahead_natural else None
 
 
 def _weigh(ratios: list[float], known: list[bool], reported: list[str], second: float) -> None:

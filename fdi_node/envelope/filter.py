@@ -78,6 +78,8 @@ SHORT_Q = np.array([0.0, 50.0, 3.0e3, 0.1, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.
 """and intensities of noise of U_e, h_e2, T_ew, D_e."""
 MOVED_ZETA, MOVED_SPEED, MOVED_OPENING, REST = 0.03, 0.2, 0.05, 5
 """Changes of zone length, speed (logarithm) and opening that renew the Jacobian, after this many ticks at least."""
+SURPRISING = 3.0
+"""An innovation of this many standard deviations does so, too: what has moved may be none of these."""
 CAUTION_S = 15.0
 """Time constant with which readings that count little at first come to count what they are worth."""
 MOST_SD = 10.0
@@ -93,6 +95,8 @@ def _renew_when_due(m: Memory, k: Work, rules: Rules, told: Array, tab: Tables) 
     zeta, speed = k.aux[X], max(told[SPEED], 1.0)
     moved = abs(zeta - scalars[ZETA_THEN]) > MOVED_ZETA or abs(told[OPENING] - scalars[OPENING_THEN]) > MOVED_OPENING
     moved = moved or abs(np.log(speed / max(scalars[SPEED_THEN], 1.0))) > MOVED_SPEED
+    for r in range(N_READINGS):
+        moved = moved or abs(m.white[r]) > SURPRISING
     if scalars[TICKS] == 0.0 or scalars[AGE] >= rules.constants[1] or (moved and scalars[AGE] >= REST):
         step = np.empty(n)
         for i in range(n):
@@ -303,12 +307,13 @@ def propagate_covariance(m: Memory, y: Array, rules: Rules, n: int) -> None:
 
 
 @jit
-def accept_jump(flat: Array, rules: Rules, h: int) -> None:
-    """Take it that the h-th of those that may jump has jumped, as the likeliest window says; between two ticks."""
+def accept_jump(flat: Array, rules: Rules, h: int, is_fault: bool) -> None:
+    """Take it that the h-th of those that may jump has jumped, as its likeliest beginning says; between two ticks."""
     m = memory_of(flat, rules.rows.shape[0], rules.jumping.shape[0])
     dz = np.zeros(m.P.shape[0])
-    jumps.accept(m, rules, h, dz)
+    jumps.accept(m, rules, h, is_fault, dz)
     _move(m, views(m.work), rules, dz)
+    m.scalars[AGE] = rules.constants[1]  # the Jacobian was that of another state
 
 
 @jit

@@ -9,9 +9,10 @@ be V_h v more and its innovation G_h v with G = C V, both by the filter's own re
 so ``d_h^2 / S_h`` is twice the log-likelihood ratio of "h has jumped" to "nothing has", and ``d_h / S_h`` its size.
 What jumps has a prior variance, which adds its inverse to S. A valve that is stuck has no size to be found: its
 opening is off by what the command has done since, and the ratio is ``2 d - S``. For a sensor that drifts v is the rate:
-V_h is 0 at first, and its own row gains a tick's share in each tick. A small jump of the pressure's sensor differs from
-a fault of the compressor by its first ticks, and a larger one from a step of the air flow, so for these two every tick
-is a possible beginning.
+V_h is 0 at first, and its own row gains a tick's share in each tick. Small jumps of the pressure's sensor and of the
+compressor's speed, and steps of the air flow, differ by their first ticks, so for these every tick is a possible
+beginning. When an air flow has jumped, S and d of what had begun before go back to what they were then, and V goes on:
+a fault that was in doubt stays so.
 """
 
 import numpy as np
@@ -19,7 +20,7 @@ import numpy as np
 from ac_plant_node.dynamics.balances import N_STATES
 from ac_plant_node.dynamics.drive import OPENING
 from fdi_node.envelope.compiled import Array, jit
-from fdi_node.envelope.memory import ABRUPT, LARGEST, N_BEGINNINGS, N_ONSETS, N_WINDOWS, Memory, Rules
+from fdi_node.envelope.memory import ABRUPT, LARGEST, N_BEGINNINGS, N_ONSETS, N_WINDOWS, TICKS, Memory, Rules
 from fdi_node.envelope.model import N_READINGS, SCALE
 from fdi_node.envelope.products import multiply, terms
 
@@ -91,6 +92,43 @@ def _begin_onset(m: Memory, rules: Rules, tick: int) -> None:
 
 
 @jit
+def forget(m: Memory, rules: Rules, ticks: int) -> None:
+    """Take back what the last ticks told, at most `N_ONSETS`; else, and where it has begun since, begin anew."""
+    if ticks > N_ONSETS:
+        begin_all(m, rules)
+        return
+    q, slot = rules.jumping.shape[0], int(m.scalars[TICKS] - ticks) % N_ONSETS
+    for at in range(m.S.shape[0]):
+        m.S[at], m.d[at] = m.past[slot, 0, at], m.past[slot, 1, at]
+    for beginning in range(N_BEGINNINGS):
+        if m.age[beginning] >= ticks:
+            continue
+        if beginning < N_WINDOWS:
+            begin(m, rules, beginning)
+            continue
+        at = _column(beginning, 0, q)
+        for i in range(m.V.shape[0]):
+            m.V[i, at] = 0.0
+        _begin_column(m, rules, at, _abrupt(beginning))
+        m.age[beginning] = 0.0
+
+
+@jit
+def told_before(m: Memory, rules: Rules, h: int) -> float:
+    """Return the largest ratio of another jump before the h-th, as its likeliest beginning is; 0: too long ago."""
+    ticks, q, largest = m.age[int(m.best[h])], rules.jumping.shape[0], 0.0
+    if ticks > N_ONSETS:
+        return largest
+    then = m.past[int(m.scalars[TICKS] - ticks) % N_ONSETS]
+    for at in range(m.S.shape[0]):
+        other = at % q if at < N_WINDOWS * q else _abrupt(at - N_WINDOWS * (q - 1))
+        if other != h:
+            ratio = _ratio_of(then[0, at], then[1, at], rules.prior[other], _largest(rules, other))
+            largest = max(largest, ratio)
+    return largest
+
+
+@jit
 def begin_all(m: Memory, rules: Rules) -> None:
     """Begin all windows anew."""
     for window in range(N_WINDOWS):
@@ -120,6 +158,7 @@ def begin_due(m: Memory, rules: Rules, tick: int) -> None:
     if startled and m.age[last] > per_second and m.telling[last] <= SPEAKING:
         begin(m, rules, last)
     _begin_onset(m, rules, tick)
+    m.past[tick % N_ONSETS, 0], m.past[tick % N_ONSETS, 1] = m.S, m.d
     for beginning in range(N_BEGINNINGS):
         m.age[beginning] += 1.0
 
@@ -223,14 +262,14 @@ def _ratio(m: Memory, rules: Rules, at: int, h: int) -> float:
 
 
 @jit
-def accept(m: Memory, rules: Rules, h: int, dz: Array) -> None:
+def accept(m: Memory, rules: Rules, h: int, is_fault: bool, dz: Array) -> None:
     """Work out how far the estimate is off, `dz` (n,), when the h-th that may jump has done so; begin all windows anew.
 
-    P grows by V S^-1 V', as if its variance had been infinite when the window began, and by what linearisation may have
-    left out.
+    What is no fault leaves what was told before of others. P grows by V S^-1 V', as if its variance had been infinite
+    when the window began, and by what linearisation may have left out.
     """
-    n = m.P.shape[0]
-    at = _column(int(m.best[h]), h, rules.jumping.shape[0])
+    n, beginning = m.P.shape[0], int(m.best[h])
+    at = _column(beginning, h, rules.jumping.shape[0])
     for i in range(n):
         dz[i] = 0.0
     if rules.prior[h] >= 0.0:
@@ -241,4 +280,7 @@ def accept(m: Memory, rules: Rules, h: int, dz: Array) -> None:
                 m.P[i, j] += m.V[i, at] * m.V[j, at] / total
         for i in range(n):
             m.P[i, i] += (LINEARISED * dz[i]) ** 2
-    begin_all(m, rules)
+    if is_fault:
+        begin_all(m, rules)
+    else:
+        forget(m, rules, int(m.age[beginning]))

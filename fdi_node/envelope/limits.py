@@ -18,19 +18,20 @@ class Limits:
     ahead, ahead_natural, ahead_share : float
         An explanation is ahead of another by the first, a jump of an air flow by the second; or by this share of its
         own ratio if that is more, because the model is linearised.
+    ahead_late, patience_s : float
+        A first fault that is not certain needs less of a lead the longer it has been likely, in proportion to time, and
+        no more than the first after the second: who waits on learns little more of which fault it is.
     at_once, at_once_share, at_once_share_open, at_once_s : float
         A named fault that is ahead by this much, and by this share of its own ratio (the second where the plant's
         parameters are estimated), and has begun no longer ago than the last, is isolated in the same tick: a reading
         that jumps by many standard deviations in one tick has no physical cause.
-    onsets_malus : float
-        What the ratio of the pressure sensor's jump counts less, because the likeliest of many onsets is taken.
     hold_s, hold_unsure_s, hold_growing_s : float
-        How long a fault of the compressor whose ratio is above `plain`, any other one (early in a fault of the
-        compressor a jump of the pressure's sensor can explain as much), and one that grows must be ahead; anything must
-        be certain for the second to be detected.
+        How long a fault of the compressor whose ratio is above `plain`, with a full lead, any other one (early in a
+        fault of the compressor a jump of the pressure's sensor can explain as much), and one that grows must be ahead;
+        anything must be certain for the second to be detected.
     after_natural_s : float
-        For how long after a jump of an air flow a fault waits that is neither isolated at once nor a plain one of the
-        compressor: the model is linearised.
+        For how long after a jump of an air flow a fault waits that has begun since, and is neither isolated at once nor
+        a plain one of the compressor: the model is linearised.
     undecided_s : float
         How long an explanation is waited for when ratios are above `certain`. When they are not, as long as it takes.
     clear_s, settle_s : float
@@ -65,11 +66,12 @@ class Limits:
     ahead: float = 10.0
     ahead_natural: float = 4.0
     ahead_share: float = 0.01
+    ahead_late: float = 1.0
+    patience_s: float = 30.0
     at_once: float = 60.0
     at_once_share: float = 0.25
     at_once_share_open: float = 0.6
     at_once_s: float = 3.0
-    onsets_malus: float = 5.0
     hold_s: float = 0.4
     hold_unsure_s: float = 3.0
     hold_growing_s: float = 10.0
@@ -92,3 +94,10 @@ class Limits:
     lowest_rad_s: float = -100.0 * RPM
     highest_rad_s: float = 150.0 * RPM
     largest_pa: float = 20.0 * KPA
+
+    def lead(self, ratio: float, waited_s: float) -> float:
+        """Return by how much an explanation with this ratio must be ahead after it has been waited for."""
+        needed = max(self.ahead, self.ahead_share * ratio)
+        if ratio > self.certain:
+            return needed
+        return max(self.ahead_late, (1.0 - waited_s / self.patience_s) * needed)

@@ -13,10 +13,10 @@ from fdi_node.envelope.model import N_READINGS
 
 N_WINDOWS = 8
 """Windows in which jumps are looked for; the last is for those that startle."""
-ABRUPT = (1, 2)
-"""Which of those that may jump do so in one tick that has to be found: the sensor of the evaporator's pressure, and the
-air flow that moves the pressure as fast. If that were looked for in windows only, the sensor would explain its steps
-better because of the better onset."""
+ABRUPT = (0, 1, 2)
+"""Which of those that may jump do so in one tick that has to be found: the compressor's speed, the sensor of the
+evaporator's pressure, and the air flow that moves this pressure as fast as a fault. Whichever of them were looked for
+in windows only would explain its own jumps worse than the others do, because of the worse onset."""
 N_ONSETS = 10
 """Ticks for each of which these jumps are looked for, beside; the likeliest before them is kept."""
 N_BEGINNINGS = N_WINDOWS + len(ABRUPT) * (N_ONSETS + 1)
@@ -82,7 +82,8 @@ class Memory(NamedTuple):
     C P, all in units of the scales; `V` (n, w q + 11 a), `S`, `d` (w q + 11 a,): as in `jumps`, of the jumps in w
     windows, then of each of the a abrupt ones from each of the last ticks on, and of the one that is kept; `age`
     (w + 11 a,): ticks of each; `telling`, `opening` (w,): a window's largest ratio, the valve's opening when it began;
-    `ratios`, `best` (q,): of each jump the largest ratio, and which beginning it is of.
+    `ratios`, `best` (q,): of each jump the largest ratio, and which beginning it is of; `past` (10, 2, w q + 11 a): S
+    and d before each of the last ticks.
     """
 
     work: Array
@@ -109,6 +110,7 @@ class Memory(NamedTuple):
     opening: Array
     ratios: Array
     best: Array
+    past: Array
 
 
 @jit
@@ -142,6 +144,7 @@ def memory_of(flat: Array, m: int, q: int) -> Memory:
         flat[s:t].reshape(N_READINGS, n), flat[t:u].reshape(N_READINGS, n), flat[u:v].reshape(n, columns), flat[v:x],
         flat[x:y], flat[y:z], flat[z : z + w], flat[z + w : z + 2 * w], flat[z + 2 * w : z + 2 * w + q],
         flat[z + 2 * w + q : z + 2 * w + 2 * q],
+        flat[z + 2 * w + 2 * q : z + 2 * w + 2 * q + N_ONSETS * 2 * columns].reshape(N_ONSETS, 2, columns),
     )  # fmt: skip
 
 
@@ -149,5 +152,7 @@ def new_memory(m: int, q: int) -> Array:
     """Return the array of an observer with m unknowns of which q may jump, all zero."""
     n, w = N_STATES + m, N_WINDOWS
     columns = w * q + N_BEGINNINGS - w
-    small = N_WORK + N_SCALARS + m + 2 * N_STATES + N_PARAMETERS + N_HELD + 4 * N_READINGS
-    return np.zeros(small + n * n + 2 * (N_STATES + N_READINGS) * n + (n + 2) * columns + N_BEGINNINGS + 2 * w + 2 * q)
+    small = (
+        N_WORK + N_SCALARS + m + 2 * N_STATES + N_PARAMETERS + N_HELD + 4 * N_READINGS + N_BEGINNINGS + 2 * w + 2 * q
+    )
+    return np.zeros(small + n * n + 2 * (N_STATES + N_READINGS) * n + (n + 2 + 2 * N_ONSETS) * columns)

@@ -63,6 +63,16 @@ def test_two_that_explain_it_as_well_are_waited_for_and_then_unknown() -> None:
     assert story.tell(0.5, **both) == (True, "unknown")
 
 
+def test_a_small_fault_needs_less_of_a_lead_the_longer_it_takes_and_one_that_is_certain_does_not() -> None:
+    story, lead = Story(), Limits().ahead / 2.0
+    seen = {"evaporator_pressure": 200.0, "compressor_speed": 200.0 - lead}
+    half = Limits().patience_s / 2.0
+    assert story.tell(half, **seen) == (False, None)
+    assert story.tell(Limits().hold_unsure_s + 0.5, **seen) == (True, "evaporator_pressure")
+    large = {name: ratio + Limits().certain for name, ratio in seen.items()}
+    assert Story().tell(half + Limits().hold_unsure_s + 0.5, **large) == (True, None)
+
+
 def test_a_jump_of_an_air_flow_is_no_fault() -> None:
     story = Story()
     assert story.tell(1.0, evaporator_air_flow=500.0, compressor_speed=400.0) == (False, None)

@@ -59,6 +59,20 @@ def test_jump_of_the_pressure_sensor_shows_as_nothing_else(kpa: float) -> None:
     assert max(abs(one.residual[0]) for one in said) < 3.0 * RPM
 
 
+def test_a_step_of_the_blower_leaves_what_was_told_of_a_small_fault() -> None:
+    loop = Loop("low")
+    list(loop.run(30.0))
+    m, fault = loop.detector.memory, (0.4 * KPA, 0.0, 0.0, 0.0)
+    list(loop.run(4.0, reading_fault=fault))
+    before = m.ratios[1]
+    loop.inputs[2] *= 1.3
+    said = list(loop.run(2.0, reading_fault=fault))
+    assert not any(one.isolated for one in said)
+    assert m.x[2] == pytest.approx(np.log(1.3), abs=0.15)
+    assert m.ratios[1] > 0.8 * before > 0.0
+    assert list(loop.run(40.0, reading_fault=fault))[-1].isolated == "evaporator_pressure"
+
+
 def test_fault_that_goes_away_is_over_and_leaves_nothing_behind() -> None:
     loop = Loop("med")
     list(loop.run(30.0))
