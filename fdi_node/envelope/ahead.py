@@ -51,7 +51,7 @@ def parts() -> Iterator[tuple[Any, tuple[Any, ...]]]:
     flat, design = new_memory(1, 1), packed(empty)
     m, rules = memory_of(flat, 1, 1), rules_in(design)
     k = views(m.work)
-    yield kalman.accept_jump, (flat, rules, 0)
+    yield kalman.accept_jump, (flat, rules, 0, False)
     yield kalman.settle, (flat, rules, 0, 0.0)
     yield is_quiet, (flat, design, size, size)
     yield jumps.begin_due, (m, rules, 0)
