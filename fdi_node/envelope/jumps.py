@@ -158,7 +158,8 @@ def begin_due(m: Memory, rules: Rules, tick: int) -> None:
     if startled and m.age[last] > per_second and m.telling[last] <= SPEAKING:
         begin(m, rules, last)
     _begin_onset(m, rules, tick)
-    m.past[tick % N_ONSETS, 0], m.past[tick % N_ONSETS, 1] = m.S, m.d
+    for at in range(m.S.shape[0]):
+        m.past[tick % N_ONSETS, 0, at], m.past[tick % N_ONSETS, 1, at] = m.S[at], m.d[at]
     for beginning in range(N_BEGINNINGS):
         m.age[beginning] += 1.0
 
