@@ -46,8 +46,11 @@ def source_fingerprint(*packages: str) -> str:
 
 
 def compiled_folder(*packages: str) -> Path:
-    """Return the folder for the compiled code of `packages` (or modules): another one as soon as a source changes."""
-    return cache_folder() / f"compiled-{source_fingerprint(*packages)[:16]}"
+    """Return the folder for the compiled code of `packages` (or modules): another one as soon as a source changes.
+
+    So does a change of how it is compiled.
+    """
+    return cache_folder() / f"compiled-{source_fingerprint('ac_common.compiled', *packages)[:16]}"
 
 
 def fingerprint(content: Mapping[str, Any]) -> str:

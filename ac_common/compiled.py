@@ -36,7 +36,7 @@ def compiler(*packages: str) -> Callable[[Any], Any]:
         Every package or module whose functions or constants are compiled into one another: a change in any of them
         compiles all anew.
     """
-    folder = str(compiled_folder(__name__, *packages))
+    folder = str(compiled_folder(*packages))
     return lambda function: _compiled(function, folder)
 
 
@@ -53,7 +53,7 @@ def step_compiler(*packages: str) -> Callable[..., Any]:
     callable
         The decorator; it may be told by ``instead`` what does the same in Python, faster than the function itself.
     """
-    folder = str(compiled_folder(__name__, *packages))
+    folder = str(compiled_folder(*packages))
     return lambda function, instead=None: _Step(function, instead or function, folder)
 
 
