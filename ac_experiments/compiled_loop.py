@@ -14,16 +14,13 @@ from ac_common.topics import COMPENSATOR, CONTROLLER
 from ac_experiments.loop import PROGRESS_EVERY, Loop, Progress
 from ac_experiments.ordinary_ticks import (
     CONCLUDE,
-    FAULTS,
     GIVE_UP,
-    INLETS_READ,
     LOST,
     MOVE,
-    READINGS,
-    RESIDUAL,
     SENSE,
     ordinary_ticks,
 )
+from ac_experiments.tick_columns import FAULTS, INLETS_READ, READINGS, RESIDUAL
 from ac_plant_node import Plant
 from ac_plant_node.dynamics.telling import N_OUTPUTS
 from ac_plant_node.plant import handed_over

@@ -12,7 +12,7 @@ from ac_common.errors import RunError
 from ac_common.faults import COMPONENT_KINDS, ISOLABLE_KINDS, KINDS, STICKING, STUCK_JOINTS
 from ac_common.fdi_status import StatusRow
 from ac_common.health import AS_USUAL
-from ac_common.signals import CarSide, Inlets, Innovation, Measurement, PlantOutput, Reference, topics_of
+from ac_common.signals import CarSide, Inlets, Innovation, Measurement, Reference, topics_of
 from ac_common.topics import (
     AIR_SIDE,
     BY_NAME,
@@ -20,15 +20,14 @@ from ac_common.topics import (
     CAR_SERIES,
     COMPENSATOR,
     CONTROLLER,
-    PERFORMANCE_SERIES,
     SERIES,
-    residual_of,
     schedule_of,
     truth_of,
 )
 from ac_experiments.designs import Designs, EnvelopeDesigns, check_controller_of
 from ac_experiments.scenario import Schedule, cabin_of, schedule
 from ac_experiments.scenario_schema import Scenario
+from ac_experiments.tick_columns import DIAGNOSED, MADE
 
 if TYPE_CHECKING:
     from fdi_node.detector import Detection
@@ -39,26 +38,6 @@ Progress = Callable[[int, int], None]
 #: Ticks between two calls of the progress function.
 PROGRESS_EVERY = 200
 
-_ACTUATORS = tuple(BY_NAME["controller/command"].joints)
-#: Series of detector and compensator.
-_DIAGNOSED = (
-    *topics_of("fdi/innovation", Innovation),
-    *(residual_of(kind) for kind in ISOLABLE_KINDS),
-    *(f"compensator/q:{joint}" for joint in _ACTUATORS),
-)
-#: Series that a tick of the loop makes, in the order in which `Loop.tick` gives them.
-_MADE = (
-    *topics_of("plant", PlantOutput),
-    *topics_of("plant", Inlets),
-    *PERFORMANCE_SERIES,
-    *topics_of("measured", Measurement),
-    *topics_of("measured", Inlets),
-    *_DIAGNOSED,
-    *(f"controller/command:{joint}" for joint in _ACTUATORS),
-    *(f"actuator/command:{joint}" for joint in _ACTUATORS),
-    *BY_NAME["component/faults"].series,
-    *(truth_of(fault.kind) for fault in STICKING),
-)
 #: What a detector that does not run says.
 _NOTHING = (Innovation(0.0, 0.0, 0.0), (0.0,) * len(ISOLABLE_KINDS), (np.nan,) * len(ISOLABLE_KINDS), False, None)
 _sticking = itemgetter(*(KINDS.index(fault.kind) for fault in STICKING))
@@ -71,7 +50,7 @@ class Loop:
     ----------
     schedule : Schedule
     made : ndarray, shape (K, n)
-        What a tick makes, of `_MADE` and with a car of `CABIN_SERIES`.
+        What a tick makes, of `MADE` and with a car of `CABIN_SERIES`.
     status : list of StatusRow
     events : list of dict
     """
@@ -129,14 +108,14 @@ class Loop:
         self._does = {COMPENSATOR: "", CONTROLLER: ""}
         self._name, plan = scenario.name, self.schedule
         self._times: list[float] = plan.time_s.tolist()
-        keys = self._keys = _MADE if scenario.car is None else (*_MADE, *CABIN_SERIES)
+        keys = self._keys = MADE if scenario.car is None else (*MADE, *CABIN_SERIES)
         self.made, self._row = np.empty((scenario.ticks, len(keys))), Struct(f"{len(keys)}d")
 
     @property
     def series(self) -> dict[str, NDArray[np.float64]]:
         """Return all that is recorded, by name."""
         made = dict(zip(self._keys, self.made.T, strict=True))
-        for key in _DIAGNOSED if self._unseen else ():
+        for key in DIAGNOSED if self._unseen else ():
             del made[key]
         return _series(made, self.schedule)
 

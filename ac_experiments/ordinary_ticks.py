@@ -10,6 +10,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from ac_common.compiled import Array, step_compiler
+from ac_experiments.tick_columns import (
+    ACTUATOR,
+    COMMANDED,
+    INLETS,
+    INLETS_READ,
+    INNOVATION,
+    PERFORMANCE,
+    Q_MADE,
+    READINGS,
+    RESIDUAL,
+)
 from ac_plant_node.compiled_sources import COMPILED_SOURCES
 from ac_plant_node.dynamics.drive import AIR_C, OPENING, SPEED
 from ac_plant_node.dynamics.telling import N_OUTPUTS, run_and_tell
@@ -32,14 +43,11 @@ SENSE, MOVE = range(2)
 """Where in its first tick it begins: with the readings, or with the command to the actuators."""
 
 _CONDENSER_AIR_C = INPUT["condenser_air_inlet_temperature"]
-_INLETS, _PERFORMANCE, READINGS, INLETS_READ, _INNOVATION, RESIDUAL, _Q, _COMMAND, _ACTUATOR, FAULTS = np.cumsum(
-    [4, 2, 7, 4, 2, 3, 2, 2, 2, 2]
-).tolist()
-"""Where the columns of `ac_experiments.loop` begin."""
 _compile = step_compiler(
     *COMPILED_SOURCES,
-    *("ac_plant_node.saturation", "ac_common.products", "ac_common.faults", "ac_common.signals"),
-    *("fault_injector_node", "fdi_node", "gimc_controller_node", "ac_experiments.ordinary_ticks"),
+    *("ac_plant_node.saturation", "ac_common.products", "ac_common.faults", "ac_common.signals", "ac_common.topics"),
+    *("fault_injector_node", "fdi_node", "gimc_controller_node"),
+    *("ac_experiments.ordinary_ticks", "ac_experiments.tick_columns"),
 )
 
 
@@ -58,7 +66,7 @@ def _read(results: Array, inlets: Array, noise: Array, faults: Array, row: Array
 def _show(m: Memory, rules: Rules, thresholds: Array, row: Array, found: Array) -> None:
     """Note what the detector says, as a `Detection` has it."""
     for i in range(3):
-        row[_INNOVATION + i] = m.e[i] * (-READING_SCALE[i] if rules.R[i] < np.inf else -0.0)
+        row[INNOVATION + i] = m.e[i] * (-READING_SCALE[i] if rules.R[i] < np.inf else -0.0)
     for i in range(2):
         row[RESIDUAL + i], found[i] = m.x[i], thresholds[i]
 
@@ -67,15 +75,15 @@ def _show(m: Memory, rules: Rules, thresholds: Array, row: Array, found: Array) 
 def _drive(results: Array, inlets: Array, command: Array, faults: Array, air: Array, row: Array, driven: Array) -> None:
     """Do as `FaultInjector.actuate`, and note what the plant is driven by and what it makes before it is."""
     for i in range(2):
-        row[_ACTUATOR + i] = command[i]
+        row[ACTUATOR + i] = command[i]
     for fault, joint in ACTUATOR_FAULTS:
-        row[_ACTUATOR + joint] = max(row[_ACTUATOR + joint] + faults[fault], 0.0)
+        row[ACTUATOR + joint] = max(row[ACTUATOR + joint] + faults[fault], 0.0)
     for i in range(N_OUTPUTS):
         row[i] = results[i]
     for i in range(2):
-        row[_INLETS + i], driven[i] = inlets[i], row[_ACTUATOR + i]
-    for i in range(READINGS - _PERFORMANCE):
-        row[_PERFORMANCE + i] = results[N_OUTPUTS + i]
+        row[INLETS + i], driven[i] = inlets[i], row[ACTUATOR + i]
+    for i in range(READINGS - PERFORMANCE):
+        row[PERFORMANCE + i] = results[N_OUTPUTS + i]
     for i in range(air.shape[0]):
         driven[2 + i] = air[i]
 
@@ -150,8 +158,8 @@ def ordinary_ticks(
             )  # fmt: skip
             if np.isnan(command[0] + command[1]):
                 return k, GIVE_UP
-            row[_Q:_COMMAND] = compensator[Q : Q + 2]
-            row[_COMMAND:_ACTUATOR] = compensator[COMMAND : COMMAND + 2] = command
+            row[Q_MADE:COMMANDED] = compensator[Q : Q + 2]
+            row[COMMANDED:ACTUATOR] = compensator[COMMAND : COMMAND + 2] = command
             told[SPEED], told[OPENING] = command[0], command[1]
             if diagnoses != 0 and go_on_to_next(m, integration, rules, told, tables) != 0:
                 return k, LOST
