@@ -88,19 +88,22 @@ def main() -> None:
     """Print the table."""
     one_blas_thread()
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else SECONDS
-    print("workers  runs  runs/min  CPU s/run  cores busy with runs  efficiency  client and scheduler  client's MB")
+    print(
+        "workers  in runs  runs  runs/min  CPU s/run  cores busy with runs  efficiency  client, scheduler  client's MB"
+    )
     first = None
     for workers in WORKERS:
         one = measure(workers, seconds)
         first = first or one
         timing, efficiency = one.timing, one.runs_a_minute / first.runs_a_minute / one.cores * first.cores
         print(
-            f"{workers:7d} {timing.runs:5d} {one.runs_a_minute:9.1f} {timing.busy_cpu_s / timing.runs:10.3f}"
-            f" {100.0 * one.busy:12.1f} % of {one.cores} {efficiency:11.3f} {100.0 * one.scheduler:19.2f} %"
+            f"{workers:7d} {100.0 * timing.busy_s / (timing.wall_s * workers):6.1f} % {timing.runs:5d}"
+            f" {one.runs_a_minute:9.1f} {timing.busy_cpu_s / timing.runs:10.3f}"
+            f" {100.0 * one.busy:13.1f} % of {one.cores} {efficiency:11.3f} {100.0 * one.scheduler:16.2f} %"
             f"  {' '.join(f'{mb:.1f}' for mb in one.memory_mb)}",
             flush=True,
         )
-    print("efficiency: runs a minute over those of one worker, a core; client and scheduler: over the CPU time in runs")
+    print("efficiency: runs a minute over those of one worker, a core; client, scheduler: over the CPU time in runs")
 
 
 if __name__ == "__main__":
