@@ -58,7 +58,7 @@ class Limits:
     """
 
     natural: float = 25.0
-    likely: float = 50.0
+    likely: float = 40.0
     likely_open: float = 150.0
     likely_unknown: float = 800.0
     plain: float = 120.0
