@@ -110,13 +110,13 @@ def make_page(link: Link, problem: Callable[[], str]) -> Callable[[Document], No
         document.template_variables["loads"] = [name for name, *_ in CHANGES[N_REFERENCES:]]
         document.template_variables["references"] = [name for name, *_ in CHANGES[:N_REFERENCES]]
         document.template_variables["moves"] = [f"load_{number}" for number in range(len(LOADS))]
-        page = _Page(link, problem, getattr(document.session_context, "session", None))
+        page = _Page(link, problem, document)
         with document.models.freeze():  # Bokeh would look through all models again with each root: seconds
             for root in page.roots:
                 document.add_root(root)
         document.js_on_event("connection_lost", CustomJS(code="document.getElementById('lost').hidden = false"))
         page.update()
-        document.add_periodic_callback(page.update, UPDATE_MS)
+        page.updates = document.add_periodic_callback(page.update, UPDATE_MS)
         document.on_session_destroyed(_tidy_up)
 
     return fill
@@ -137,8 +137,9 @@ def _tidy_up(_session: Any) -> None:
 class _Page:
     """What one browser sees."""
 
-    def __init__(self, link: Link, problem: Callable[[], str], session: Any) -> None:
-        self._link, self._problem, self._session = link, problem, session
+    def __init__(self, link: Link, problem: Callable[[], str], document: Document) -> None:
+        self._link, self._problem, self._document = link, problem, document
+        self.updates: Any = None
         self._was_open = False
         self._seen = (0, 0)
         self._texts_s = self._plots_s = -math.inf
@@ -218,11 +219,13 @@ class _Page:
 
     def _is_left(self) -> bool:
         """Return whether the browser has gone; what the server keeps for it then goes, too, and not a minute later."""
-        if self._session is None:
+        session = getattr(self._document.session_context, "session", None)  # not there yet when the page is filled
+        if session is None:
             return False
-        is_open = self._session.connection_count > 0
+        is_open = session.connection_count > 0
         if self._was_open and not is_open:
-            self._session.request_expiration()
+            session.request_expiration()
+            self._document.remove_periodic_callback(self.updates)  # Bokeh keeps what is being updated
         self._was_open = self._was_open or is_open
         return self._was_open and not is_open
 
