@@ -49,10 +49,10 @@ ERROR_UNIT = (5.0 * KPA, 2.5)
 
 # Layout of what an `EnvelopeCompensator` remembers, and of what it is made of; behind it stand [state, inputs], the
 # state of the next tick, and the matrices of q and state.
-_USED, _AVERAGE, _ALLOWED, WITHDRAWN = 0, 2, 3, 4  # of f_N and f_p, after the fades; then the watch
-COMMAND, _PRESSURE = 5, 7  # as it was last sent, as it last read
-LIMITED, Q, _LOWEST, _HIGHEST, _FADES_IN, _FADES_OUT, _AVERAGES = 8, 9, 11, 13, 15, 17, 18
-_HEALTHY, _HARMFUL, _REST, _CURVATURE, _CAPPED, _VECTORS = 19, 20, 21, 22, 23, 24
+_USED, _AVERAGE, _ALLOWED, WITHDRAWN, _RECOVERING = 0, 2, 3, 4, 5  # of f_N and f_p, after the fades; then the watch
+COMMAND, _PRESSURE = 6, 8  # as it was last sent, as it last read
+LIMITED, Q, _LOWEST, _HIGHEST, _FADES_IN, _FADES_OUT, _AVERAGES = 9, 10, 12, 14, 16, 18, 19
+_HEALTHY, _HARMFUL, _REST, _CURVATURE, _CAPPED, _RECOVERS, _VECTORS = 20, 21, 22, 23, 24, 25, 26
 
 
 @jit
@@ -107,7 +107,8 @@ def accommodation(
     speed_stops = not m[_LOWEST] < m[COMMAND] < m[_HIGHEST]
     valve_stops = not m[_LOWEST + 1] < m[COMMAND + 1] < m[_HIGHEST + 1]
     m[LIMITED] = 1.0 if acts and has_f_n != 0 and speed_stops else 0.0
-    at_limit = speed_stops or valve_stops or head > m[_CAPPED]  # there errors grow with any control
+    m[_RECOVERING] = 1.0 if head > m[_CAPPED] else m[_RECOVERING] - m[_RECOVERS]
+    at_limit = speed_stops or valve_stops or m[_RECOVERING] > 0.0  # there errors grow with any control
     if is_wanted != 0 and is_read != 0 and not at_limit:
         errors = wanted_pressure - pressure + used[1], wanted_superheat - superheat + in_superheat
         _watch(m, has_f_n + has_f_p != 0, abs(errors[0]) / ERROR_UNIT[0] + abs(errors[1]) / ERROR_UNIT[1])
@@ -132,6 +133,8 @@ class EnvelopeCompensatorDesign(ControllerDesign):
         Whether the superheat is derived from the measured pressure: 1 or 0.
     capped_head_pa : float
         Condenser pressure above which the protection may hold the compressor's speed down, whatever K0 wants.
+    recover_s : float
+        For so long after it errors may be large, because the protection lets the speed come back slowly.
     """
 
     fade_in_s: float = 0.3
@@ -141,6 +144,7 @@ class EnvelopeCompensatorDesign(ControllerDesign):
     harmful: float = 1.0
     derived: float = 0.0
     capped_head_pa: float = NO_HIGHEST_HEAD_PA
+    recover_s: float = 60.0
 
     def try_out(self) -> None:
         """Work for one tick: matrices that do not fit show here, not when the loop runs."""
@@ -182,6 +186,7 @@ class EnvelopeCompensator:
         m[_LOWEST : _LOWEST + 2], m[_HIGHEST : _HIGHEST + 2] = design.command_min, design.command_max
         m[_HEALTHY], m[_HARMFUL], m[_ALLOWED] = design.healthy, design.harmful, design.healthy + design.harmful
         m[_REST], m[_CURVATURE], m[_CAPPED] = design.command_rest[0], design.curvature[0], design.capped_head_pa
+        m[_RECOVERS] = design.sample_time_s / design.recover_s
         m[COMMAND : COMMAND + 2], m[_PRESSURE] = design.command_rest, TYPICAL[0]
         self.curve = saturation_curve() if design.derived > 0.5 else np.empty(0)
         self._q, self._state, self._command = m[Q : Q + 2], m[_VECTORS : _VECTORS + n], m[COMMAND:_PRESSURE]

@@ -278,11 +278,14 @@ class EnvelopeDecision:
         ready_s = max(since.ahead + hold_s, since.natural + limits.after_natural_s if waits else -NOT)
         if at_once or time_s >= ready_s - 1.0e-9:
             is_unsure = is_unsure or time_s - since.unknown < limits.after_unknown_s
-            if is_unsure and reported != UNKNOWN and unknown not in known and not at_once:
+            if is_unsure and reported not in (UNKNOWN, NATURAL) and unknown not in known and not at_once:
                 self._add(-1, UNKNOWN, onset_s, time_s)
                 return
-            kalman.accept_jump(self._flat, self._rules, top, True)
+            kalman.accept_jump(self._flat, self._rules, top, reported != NATURAL)
             since.unlikely()
+            if reported == NATURAL:
+                since.natural = time_s
+                return
             self._add(-1 if self._rules.prior[top] < 0.0 else unknown, reported, onset_s, time_s, at_once)
         elif time_s - since.certain >= limits.undecided_s:
             self._add(-1, UNKNOWN, onset_s, time_s)

@@ -120,6 +120,9 @@ def test_errors_while_the_protection_caps_the_speed_are_not_its_doing(design):
         for _ in range(600):
             compensator.step((0.0, 5.0 * KPA), SENSOR, None, REFERENCE, far)
         assert compensator.does == said
+        for _ in range(round(0.9 * design.recover_s / T)):  # the speed comes back slowly
+            compensator.step((0.0, 5.0 * KPA), SENSOR, None, REFERENCE, (*far[:2], 2.7e6))
+        assert compensator.does == said
 
 
 def test_a_limit_that_leaves_a_part_of_the_fault_is_announced(design):
