@@ -210,11 +210,6 @@ class EnvelopeDecision:
             one.small_since = NOT
         return self._conclude(last_s, tuple(self.thresholds.tolist()))
 
-    def _deviation(self, unknown: int) -> float:
-        """Return the standard deviation of an unknown in its unit."""
-        at = N_STATES + unknown
-        return math.sqrt(max(float(self._memory.P[at, at]), 0.0)) * self._unknowns[unknown].scale
-
     def _conclude(self, time_s: float, thresholds: tuple[float, ...]) -> Conclusion:
         if not self.isolated:
             onset_s = self.since.likely
@@ -248,8 +243,7 @@ class EnvelopeDecision:
             _weigh(ratios, [at in known for at in self._positions], self._reported, limits.second)
         flow = _air_flow_that_jumped(self._memory, self._rules, self._reported, ratios, limits, not self.isolated)
         if flow is not None:
-            kalman.accept_jump(self._flat, self._rules, flow, False)
-            since.natural = time_s
+            self._accept(flow, time_s)
             return
         best = max(ratios)
         top = ratios.index(best)
@@ -281,14 +275,19 @@ class EnvelopeDecision:
             if is_unsure and reported not in (UNKNOWN, NATURAL) and unknown not in known and not at_once:
                 self._add(-1, UNKNOWN, onset_s, time_s)
                 return
-            kalman.accept_jump(self._flat, self._rules, top, reported != NATURAL)
             since.unlikely()
-            if reported == NATURAL:
-                since.natural = time_s
-                return
-            self._add(-1 if self._rules.prior[top] < 0.0 else unknown, reported, onset_s, time_s, at_once)
+            if self._accept(top, time_s) != NATURAL:
+                self._add(-1 if self._rules.prior[top] < 0.0 else unknown, reported, onset_s, time_s, at_once)
         elif time_s - since.certain >= limits.undecided_s:
             self._add(-1, UNKNOWN, onset_s, time_s)
+
+    def _accept(self, top: int, time_s: float) -> str:
+        """Move the estimate as an explanation says, and return what it is reported as."""
+        reported = self._reported[top]
+        kalman.accept_jump(self._flat, self._rules, top, reported != NATURAL)
+        if reported == NATURAL:
+            self.since.natural = time_s
+        return reported
 
     def _add(self, unknown: int, name: str, onset_s: float, time_s: float, is_abrupt: bool = False) -> None:
         """Isolate a fault, unless it is already, or the plant is another one."""
@@ -349,9 +348,7 @@ class EnvelopeDecision:
     def _is_small(self, unknown: int) -> bool:
         if unknown < 0:
             return self.since.likely == NOT and float(self._memory.scalars[NIS]) < self.limits.consistent
-        named = (0.5 * self.limits.floor_rad_s, 0.5 * self.limits.floor_pa)
-        small = named[unknown] if unknown < NAMED else SMALL * self._unknowns[unknown].scale
-        return abs(float(self._memory.x[unknown])) < small + SMALL_SIGMAS * self._deviation(unknown)
+        return _is_within(self._memory, self.limits, unknown, self._unknowns[unknown].scale)
 
     def _end(self, time_s: float) -> None:
         """Forget the faults that are over."""
@@ -382,6 +379,14 @@ class EnvelopeDecision:
         """Take the place of the decision whose `state` this is; `KeyError`, `TypeError`, `ValueError`: it is none."""
         self.isolated, self.since, self.is_open = _restored(state, len(self._unknowns))
         self._set_drifts()
+
+
+def _is_within(m: Memory, limits: Limits, unknown: int, scale: float) -> bool:
+    """Return whether the estimate of an unknown with this scale may as well be none."""
+    named = (0.5 * limits.floor_rad_s, 0.5 * limits.floor_pa)
+    small = named[unknown] if unknown < NAMED else SMALL * scale
+    deviation = math.sqrt(max(float(m.P[N_STATES + unknown, N_STATES + unknown]), 0.0)) * scale
+    return abs(float(m.x[unknown])) < small + SMALL_SIGMAS * deviation
 
 
 def _air_flow_that_jumped(

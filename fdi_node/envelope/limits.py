@@ -66,7 +66,7 @@ class Limits:
     ahead: float = 10.0
     ahead_natural: float = 4.0
     ahead_share: float = 0.01
-    ahead_late: float = 1.0
+    ahead_late: float = 4.0
     patience_s: float = 30.0
     at_once: float = 60.0
     at_once_share: float = 0.25
