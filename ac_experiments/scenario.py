@@ -232,6 +232,9 @@ def _find(name_or_path: str | Path) -> Path:
     raise UserError(unknown("scenario", text, list(known)) + ", drive:SEED, or the path of a YAML file")
 
 
+#: Characters of the problems that a complaint may have, besides the first.
+LONGEST_COMPLAINT = 800
+
 _LIST_EXAMPLES = (
     "for instance faults=[{kind: compressor_speed, size_rpm: 40, onset_s: 100}] "
     "or references.superheat_k=[{at_s: 100, to: -2.5}]"
@@ -299,10 +302,11 @@ def _validated(content: dict[str, Any], source: str) -> Scenario:
 
 
 def complaint(error: ValidationError, source: str) -> str:
-    """Return in one line what a schema found wrong with a file, the first three of its problems."""
-    problems = error.errors(include_url=False)
-    more = f" (and {len(problems) - 3} more)" if len(problems) > 3 else ""
-    return f"{source}: {'; '.join(_line(problem) for problem in problems[:3])}{more}"
+    """Return in one line what a schema found wrong with a file, the first three of its problems or as many as fit."""
+    lines = [_line(problem) for problem in error.errors(include_url=False)]
+    told = [line for at, line in enumerate(lines[:3]) if at == 0 or sum(map(len, lines[: at + 1])) < LONGEST_COMPLAINT]
+    more = f" (and {len(lines) - len(told)} more)" if len(lines) > len(told) else ""
+    return f"{source}: {'; '.join(told)}{more}"
 
 
 def _driven(scenario: Scenario, source: str) -> Scenario:

@@ -239,16 +239,14 @@ class EnvelopeDecision:
         known = [one.unknown for one in self.isolated]
         is_unsure = any(one.unknown >= 0 and not one.is_abrupt for one in self.isolated)
         ratios = self._memory.ratios.tolist()
-        if is_unsure:
+        if is_unsure and not self._stands_out(ratios):
             _weigh(ratios, [at in known for at in self._positions], self._reported, limits.second)
         flow = _air_flow_that_jumped(self._memory, self._rules, self._reported, ratios, limits, not self.isolated)
         if flow is not None:
             self._accept(flow, time_s)
             return
-        best = max(ratios)
-        top = ratios.index(best)
+        top, best, lead = _ahead(ratios, self._positions)
         unknown, grows = self._positions[top], bool(self._rules.growing[top])
-        lead = best - max(ratio for ratio, other in zip(ratios, self._positions, strict=True) if other != unknown)
         reported = self._reported[top]
         likely = limits.likely_open if self.is_open else limits.likely
         if here < likely or (reported == UNKNOWN and here < limits.likely_unknown):
@@ -265,9 +263,7 @@ class EnvelopeDecision:
         since.certain = min(since.certain, time_s) if here > limits.certain else NOT
         is_plain = here > limits.plain and unknown == 0 and not grows and lead > limits.lead(best, 0.0)
         hold_s = limits.hold_growing_s if grows else limits.hold_s if is_plain else limits.hold_unsure_s
-        share = limits.at_once_share_open if self.is_open else limits.at_once_share
-        at_once = reported != UNKNOWN and not grows and time_s - onset_s <= limits.at_once_s
-        at_once = at_once and lead > max(limits.at_once, share * best)
+        at_once = self._stands_out(ratios)
         waits = not is_plain and onset_s >= since.natural - N_ONSETS * self._h
         ready_s = max(since.ahead + hold_s, since.natural + limits.after_natural_s if waits else -NOT)
         if at_once or time_s >= ready_s - 1.0e-9:
@@ -280,6 +276,10 @@ class EnvelopeDecision:
                 self._add(-1 if self._rules.prior[top] < 0.0 else unknown, reported, onset_s, time_s, at_once)
         elif time_s - since.certain >= limits.undecided_s:
             self._add(-1, UNKNOWN, onset_s, time_s)
+
+    def _stands_out(self, ratios: list[float]) -> bool:
+        share = self.limits.at_once_share_open if self.is_open else self.limits.at_once_share
+        return _is_abrupt(self._memory, self._rules, self._reported, ratios, self.limits, share)
 
     def _accept(self, top: int, time_s: float) -> str:
         """Move the estimate as an explanation says, and return what it is reported as."""
@@ -379,6 +379,22 @@ class EnvelopeDecision:
         """Take the place of the decision whose `state` this is; `KeyError`, `TypeError`, `ValueError`: it is none."""
         self.isolated, self.since, self.is_open = _restored(state, len(self._unknowns))
         self._set_drifts()
+
+
+def _ahead(ratios: list[float], positions: list[int]) -> tuple[int, float, float]:
+    """Return which explanation has the largest ratio, that, and its lead over those of other unknowns."""
+    best = max(ratios)
+    top = ratios.index(best)
+    others = (ratio for ratio, other in zip(ratios, positions, strict=True) if other != positions[top])
+    return top, best, best - max(others)
+
+
+def _is_abrupt(m: Memory, rules: Rules, reported: list[str], ratios: list[float], limits: Limits, share: float) -> bool:
+    """Return whether what is ahead is a named fault that has jumped just now, and clearly: it is isolated at once."""
+    top, best, lead = _ahead(ratios, [int(i) for i in rules.jumping])
+    age_s = float(m.age[int(m.best[top])] * rules.constants[0])
+    has_jumped = reported[top] not in (UNKNOWN, NATURAL) and not rules.growing[top] and age_s <= limits.at_once_s
+    return bool(has_jumped and lead > max(limits.at_once, share * best))
 
 
 def _is_within(m: Memory, limits: Limits, unknown: int, scale: float) -> bool:

@@ -148,9 +148,17 @@ def test_beside_a_slow_fault_another_slow_one_is_unknown_and_an_abrupt_one_has_i
 def test_what_a_move_of_a_slow_fault_explains_nearly_as_well_is_no_second_one() -> None:
     story = Story()
     story.begin_slowly()
+    story.m.age[:] = 100.0
     seen = {"compressor_speed": 500.0, "evaporator_pressure": 0.9 * Limits().second * 500.0}
-    assert story.tell(Limits().hold_s + 0.2, **seen)[1] == "compressor_speed"
+    assert story.tell(Limits().hold_s + 0.1, **seen)[1] == "compressor_speed"
     assert story.decision.isolated[0].moves > 0.0
+
+
+def test_a_second_fault_that_jumps_has_its_name_at_once() -> None:
+    story = Story()
+    story.begin_slowly()
+    seen = {"compressor_speed": 500.0, "evaporator_pressure": 0.9 * Limits().second * 500.0}
+    assert story.tell(0.1, **seen)[1] == "evaporator_pressure"
 
 
 def test_nothing_slow_has_a_name_soon_after_something_was_unknown() -> None:
