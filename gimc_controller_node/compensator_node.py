@@ -49,7 +49,8 @@ PARAMETERS = (
     Parameter("accommodate", True, "false leaves K0 alone: q fades to 0 whatever is isolated", live=True),
 )
 REFERENCES = ("reference/evaporator_pressure", "reference/superheat")
-MEASURED = ("measured/evaporator_pressure", "measured/superheat", "measured/condenser_pressure")
+MEASURED = ("measured/evaporator_pressure", "measured/superheat")
+HEAD = "measured/condenser_pressure"
 #: Topics of what a compensator may work on.
 SIGNALS = {
     "innovation": topics_of("fdi/innovation", Innovation),
@@ -77,7 +78,7 @@ class CompensatorNode(LoopNode):
         self._stepped_ns = -1
         signals = SIGNALS[kind.reads]
         self._reads = len(signals)
-        optional = (*REFERENCES, *MEASURED) if kind.sees_loop else REFERENCES
+        optional = (*REFERENCES, *MEASURED, HEAD) if kind.sees_loop else REFERENCES
         inputs = (*signals, "fdi/status", *optional)
         sequencer = Sequencer(self._step, self._commanded)
         self.on_tick(
@@ -92,7 +93,9 @@ class CompensatorNode(LoopNode):
     def _step(self, time_ns: int, *values: Any) -> None:
         signal: Signal = values[: self._reads]
         status: StatusRow = values[self._reads]
-        reference, measured = _all(values[self._reads + 1 : self._reads + 3]), _all(values[self._reads + 3 :])
+        reference, measured = (_all(values[at : at + 2]) for at in (self._reads + 1, self._reads + 3))
+        if measured is not None and values[-1] is not None:
+            measured = (*measured, values[-1])
         if self.is_realtime:
             self._warm_restart(time_ns, signal, status, reference)
         q = self._compensator.step(signal, status.isolated, status.also_isolated, reference, measured)
@@ -128,9 +131,9 @@ class CompensatorNode(LoopNode):
 
 
 def _all(values: tuple[float | None, ...]) -> Signal | None:
-    """Return values when all of them are there."""
-    there = tuple(value for value in values if value is not None)
-    return there if there and len(there) == len(values) else None
+    """Return two values when both are there."""
+    first, second = values if len(values) == 2 else (None, None)
+    return None if first is None or second is None else (first, second)
 
 
 def main() -> int:

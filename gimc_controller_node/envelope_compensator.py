@@ -149,7 +149,7 @@ class EnvelopeCompensatorDesign(ControllerDesign):
     def try_out(self) -> None:
         """Work for one tick: matrices that do not fit show here, not when the loop runs."""
         one, other = ISOLABLE_KINDS
-        EnvelopeCompensator(self).step((1.0, 1e3), one, other, TYPICAL, (*TYPICAL, 0.0))
+        EnvelopeCompensator(self).step((1.0, 1e3), one, other, TYPICAL, TYPICAL)
 
 
 _STATE = ("_state", "_used", "_watch", "_seen")
@@ -256,8 +256,8 @@ class EnvelopeCompensator:
         isolated, also_isolated : str or None
             The isolated faults; for one that is "unknown" there is no q.
         reference, measured : sequence of float, optional
-            Of p_e [Pa] and SH [K], measured of p_c [Pa], too, as its last; None: missing, and nothing is watched in
-            this tick.
+            Of p_e [Pa] and SH [K]; measured of p_c [Pa], too, where it is read, as the last of more than two. None:
+            missing, and nothing is watched in this tick.
 
         Returns
         -------
@@ -266,7 +266,8 @@ class EnvelopeCompensator:
         """
         f_n, f_p = estimates
         has_f_n, has_f_p = (int(kind in (isolated, also_isolated)) for kind in ISOLABLE_KINDS)
-        is_read, (p_e, sh, p_c) = (0, (0.0, 0.0, 0.0)) if measured is None else (1, (*measured[:2], measured[-1]))
+        is_read, (p_e, sh) = (0, (0.0, 0.0)) if measured is None else (1, measured[:2])
+        p_c = measured[-1] if measured is not None and len(measured) > 2 else 0.0
         is_wanted, (pressure, superheat) = (0, (0.0, 0.0)) if reference is None else (1, reference[:2])
         self._accommodate(
             self.memory, self.curve, self.n_states, float(f_n), float(f_p), has_f_n, has_f_p, int(self.accommodate),

@@ -125,6 +125,14 @@ def test_errors_while_the_protection_caps_the_speed_are_not_its_doing(design):
         assert compensator.does == said
 
 
+def test_without_a_condenser_pressure_it_watches_as_before(design):
+    """A superheat, which is then the last reading, is not taken for one."""
+    compensator = EnvelopeCompensator(replace(design, capped_head_pa=10.0))
+    for _ in range(600):
+        compensator.step((0.0, 5.0 * KPA), SENSOR, None, REFERENCE, REFERENCE - np.array([40.0 * KPA, -10.0]))
+    assert compensator.does == HARMFUL
+
+
 def test_a_limit_that_leaves_a_part_of_the_fault_is_announced(design):
     compensator = EnvelopeCompensator(design)
     compensator.commanded(design.command_min)
