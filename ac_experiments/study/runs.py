@@ -99,17 +99,16 @@ def row_of(case: Case, k0_alone: bool, fault_free: bool = False) -> Row:
         Whether K0 alone plays it, too, and whether it is played without its faults, too.
     """
     onset_s = _onset_s(case)
-    plain: Played = {}
     try:
-        runs = played(case, k0_alone) if case.scenario.faults else _fault_free(case, k0_alone)
-        if fault_free and case.scenario.faults:
-            plain = _fault_free(case, k0_alone)
+        plain = _fault_free(case, k0_alone) if fault_free else None
+        runs = played(case, k0_alone) if case.scenario.faults or plain is None else plain
     except UserError as problem:  # the scenario has been checked: it is the run that fails
         return {**_about(case), "outcome": outcome((), 0, str(problem)), "problem": str(problem)}
     row = {**_about(case), **figures(runs[""], hold_s(designs_for(case.scenario).fdi))}
     for prefix, recording in runs.items():
         found = _control(recording, onset_s) if prefix else {}
-        found |= changes(recording, plain[prefix], onset_s) if plain else {}
+        if plain is not None and case.scenario.faults:
+            found |= changes(recording, plain[prefix], onset_s)
         row |= {f"{prefix}{key}": value for key, value in found.items()}
     return row
 

@@ -190,9 +190,9 @@ def load_study(
         raise UserError(msg)
     content.setdefault("name", path.stem)
     content |= changes or {}
-    for text in settings:
-        key, value, _ = setting(text)
-        content["set"] = {**(content.get("set") or {}), key: value}
+    same = dict(setting(text)[:2] for text in settings)
+    if same and isinstance(content.get("set", {}), dict):  # what is none is complained of below
+        content["set"] = {**content.get("set", {}), **same}
     study = check_study(content, f"{path.name} with --set" if settings else str(path))
     if study.is_family or isinstance(study.scenario, Mapping):
         return study

@@ -101,7 +101,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("studies", type=Path, nargs="+", metavar="DIR")
     for folder in parser.parse_args().studies:
-        print(table(read_runs(Store(str(folder)))), end="\n\n")
+        runs = read_runs(Store(str(folder)))
+        if not runs.study.k0_alone or not (runs.study.fault_free or not runs.kinds):
+            parser.error(f"{folder}: has no K0 alone beside, or no runs without their faults (fault_free: true)")
+        print(table(runs), end="\n\n")
 
 
 if __name__ == "__main__":

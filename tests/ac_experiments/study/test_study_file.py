@@ -94,12 +94,16 @@ def test_built_in_studies_are_good_ones_and_survive_their_own_file(name, tmp_pat
     assert known.description
 
 
-def test_what_is_the_same_in_all_runs_may_be_said_on_the_command_line():
+def test_what_is_the_same_in_all_runs_may_be_said_on_the_command_line(tmp_path):
     chosen = load_study("envelope_healthy", {"runs": 3}, ["design=paper", "sensors=3"])
     assert chosen.set == {"design": "paper", "sensors": 3}
     assert all(Cases(chosen)[run].scenario.sensors == 3 for run in range(3))
     with pytest.raises(UserError, match="must be KEY=VALUE"):
         load_study("envelope_healthy", {}, ["design"])
+    wrong = tmp_path / "wrong.yaml"
+    wrong.write_text("set: [1]\n")
+    with pytest.raises(UserError, match=r"wrong.yaml with --set: set: "):
+        load_study(wrong, {}, ["design=paper"])
     with pytest.raises(UserError, match="operating_point is both set and varied"):
         load_study("small_faults", {}, ["operating_point=low"])
 
