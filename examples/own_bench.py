@@ -76,6 +76,9 @@ def main() -> None:
         rclpy.spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
+    except Exception:
+        if rclpy.ok():  # otherwise it was told to end in the middle of a tick
+            raise
     finally:
         node.destroy_node()
         rclpy.try_shutdown()

@@ -159,6 +159,19 @@ def test_a_plain_node_stands_in_for_the_plant(
     assert np.nanmax(np.abs(run.series["plant/evaporator_pressure"] - 251.2e3)) < 500
 
 
+def test_a_plain_node_that_is_told_to_end_within_a_tick_ends_well(folder: Path, environment: dict[str, str]) -> None:
+    program = """
+import own_bench, rclpy
+read = own_bench.Hardware.read
+own_bench.Hardware.read = lambda hardware: (rclpy.shutdown(), read(hardware))[1]
+own_bench.main()
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=folder / "examples", env=environment, capture_output=True, timeout=60
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
 def test_a_bench_that_does_not_come_is_told_what_is_missing(folder: Path, environment: dict[str, str]) -> None:
     command = ["run", "nominal", "--mode", "realtime", "--passive", "--without", "ac_plant", "--out", "bench"]
     with subprocess.Popen(
