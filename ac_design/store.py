@@ -271,7 +271,7 @@ def write_designs(
 ) -> dict[str, Path]:
     """Write the design of each node that has one into `folder`, and return the files by node.
 
-    Each design is tried out: what is compiled for it is in the cache then, and the nodes start at once.
+    What is compiled for a node is in the cache then, and the node starts at once.
 
     Parameters
     ----------
@@ -292,10 +292,10 @@ def write_designs(
     files = {node: folder / design_name(node, point, design) for node in DESIGNED}
     for node, file in files.items():
         made = DESIGNERS[design](node, point, sample_time_s, **options)
-        made.try_out()
-        # The envelope's detector is for all points.
-        for_point = "" if design == ENVELOPE and node == FDI else point
-        write_whole(file, to_bytes(made, for_point, load_parameters().identity))
+        is_observer = design == ENVELOPE and node == FDI  # for all points, and the only one that a node has compiled
+        if is_observer:
+            made.try_out()
+        write_whole(file, to_bytes(made, "" if is_observer else point, load_parameters().identity))
     return files
 
 

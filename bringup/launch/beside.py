@@ -80,11 +80,13 @@ def prepare_nodes(scenario: Scenario, folder: "Path") -> None:
         As `ac_experiments.designs.write_designs_of`.
     """
     with collector.paused(), Beside(_OBSERVER) as observer:
-        if scenario.design == ENVELOPE and not _observer_is_compiled():
+        is_first = scenario.design == ENVELOPE and not _observer_is_compiled()
+        if is_first:
             observer.start(scenario)
         prepare(scenario.operating_point)
-        for node in (CONTROLLER, COMPENSATOR):
-            design_for(node, scenario).try_out()
+        if is_first:  # meanwhile there is time for what no node needs, but the simulation beside the run
+            for node in (CONTROLLER, COMPENSATOR):
+                design_for(node, scenario).try_out()
         observer.result()
     write_designs_of(scenario, folder)
 
