@@ -57,7 +57,7 @@ def started_browser() -> Iterator[Browser]:
 
 
 def new_page(browser: Browser, width: int = 1400, height: int = 900) -> Page:
-    """Make an empty page."""
+    """Make an empty page; to be closed before its server ends: it would go on with the next one at that port."""
     page = browser.new_page(viewport={"width": width, "height": height})
     page.set_default_timeout(PATIENCE_S * 1e3)
     expect.set_options(timeout=PATIENCE_S * 1e3)  # five seconds otherwise

@@ -32,8 +32,10 @@ def own_plant(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_plant_of_your_own(browser: Browser, own_plant: Path) -> None:
     """Plant, designs and the page's diagram are those of the file that `--plant` names."""
-    with acftc("--plant", str(own_plant), "dash", "--no-browser", domain=OWN + 2) as (url, _):
-        page = new_page(browser)
+    with (
+        acftc("--plant", str(own_plant), "dash", "--no-browser", domain=OWN + 2) as (url, _),
+        new_page(browser) as page,
+    ):
         page.goto(url, timeout=FIRST_TIME_S * 1e3)
         expect(lamp(page, "phase")).to_have_text("running", timeout=FIRST_TIME_S * 1e3)
         until(lambda: math.isclose(newest(page, "p_e"), 265.0, abs_tol=0.5), "not at rest at the car's medium point")
@@ -50,8 +52,7 @@ def test_a_plant_of_your_own(browser: Browser, own_plant: Path) -> None:
 
 def test_run_with_a_page_beside_it(browser: Browser, tmp_path: Path) -> None:
     arguments = ("run", "nominal", "--set", "duration_s=3600", "--mode", "realtime", "--dash", "--out", str(tmp_path))
-    with acftc(*arguments, domain=OWN + 1) as (url, process):
-        page = new_page(browser)
+    with acftc(*arguments, domain=OWN + 1) as (url, process), new_page(browser) as page:
         page.goto(url)
         until(lambda: newest(page, "t") > 0.0, "no row has come", FIRST_TIME_S)
         expect(page.locator(".said")).to_have_text("A run that is recorded cannot be reset.")

@@ -39,8 +39,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.clock, pytest.mark.slow, pytest.mark.
 @pytest.fixture(scope="module")
 def page(browser: Browser) -> Iterator[Page]:
     """One page with a private graph, and all that the browser asked anybody for."""
-    with acftc("dash", "--no-browser", domain=OWN) as (url, process):
-        page = new_page(browser)
+    with acftc("dash", "--no-browser", domain=OWN) as (url, process), new_page(browser) as page:
         page.server = process.pid
         page.asked = []
         page.complaints = []
@@ -219,14 +218,13 @@ def test_the_browser_asked_nobody_else_and_had_nothing_to_complain_of(page: Page
 
 
 def test_two_browsers_see_the_same_graph_and_a_page_can_be_loaded_again(page: Page, browser: Browser) -> None:
-    other = new_page(browser)
-    other.goto(page.url)
-    until(lambda: newest(other, "t") > 0.0, "no row has come to the second page")
-    click(other, "Inject f_p")
-    expect(page.get_by_role("button", name="Stop f_p")).to_be_visible()
-    click(page, "Stop f_p")
-    expect(other.get_by_role("button", name="Inject f_p")).to_be_visible()
-    other.close()
+    with new_page(browser) as other:
+        other.goto(page.url)
+        until(lambda: newest(other, "t") > 0.0, "no row has come to the second page")
+        click(other, "Inject f_p")
+        expect(page.get_by_role("button", name="Stop f_p")).to_be_visible()
+        click(page, "Stop f_p")
+        expect(other.get_by_role("button", name="Inject f_p")).to_be_visible()
     page.reload()
     until(lambda: newest(page, "t") > 0.0, "no row has come after loading again")
     expect(lamp(page, "phase")).to_have_text("running")
