@@ -1,5 +1,7 @@
 """Which faults can be told apart: the rank condition by another route, and what physics says must come out."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -15,6 +17,7 @@ from ac_design.analysis.isolability import (
     READINGS,
     SENSOR_FAULTS,
     SENSOR_SETS,
+    Isolability,
     isolability,
     responses,
     summary,
@@ -24,7 +27,13 @@ from ac_design.analysis.isolability import (
 from ac_plant_node import linearize
 from ac_plant_node.inputs import FAULT_KINDS
 
-RESULTS = {sensors.name: isolability(sensors, ("med",)) for sensors in SENSOR_SETS}
+
+@cache
+def results() -> dict[str, Isolability]:
+    """What can be told apart with each set of sensors."""
+    return {sensors.name: isolability(sensors, ("med",)) for sensors in SENSOR_SETS}
+
+
 _PARTS = st.floats(-1.0, 1.0).map(lambda value: round(value, 3))
 
 
@@ -75,7 +84,7 @@ def test_rank_by_the_system_matrix(sensors) -> None:
         return ("input", AIR_FAULTS[kind]) if kind in AIR_FAULTS else ("reading", SENSOR_FAULTS[kind])
 
     unknown = [("input", name) for name in sensors.unknown]
-    result, kinds = RESULTS[sensors.name], sensors.faults
+    result, kinds = results()[sensors.name], sensors.faults
     for i, kind in enumerate(kinds):
         for j, other in enumerate(kinds):
             blamed = [] if i == j else [column(other)]
@@ -86,7 +95,7 @@ def test_rank_by_the_system_matrix(sensors) -> None:
 
 def test_what_acts_in_the_same_place_cannot_be_told_apart() -> None:
     """Speed and displacement are one product; fan and fouling one conductance; fouling and flow at the evaporator."""
-    for result in RESULTS.values():
+    for result in results().values():
         kinds = result.sensors.faults
         for one, other in [
             ("compressor_speed", "compressor_displacement"),
@@ -99,19 +108,19 @@ def test_what_acts_in_the_same_place_cannot_be_told_apart() -> None:
 
 def test_each_further_sensor_tells_at_least_as_much() -> None:
     for fewer, more in zip(SENSOR_SETS[:3], SENSOR_SETS[3:], strict=True):
-        few, many = RESULTS[fewer.name], RESULTS[more.name]
+        few, many = results()[fewer.name], results()[more.name]
         place = [more.faults.index(kind) for kind in fewer.faults]
         told = few.left > NOTHING_LEFT
         assert (many.left[np.ix_(place, place)][told] > NOTHING_LEFT).all()
     for unmeasured, measured in ((0, 1), (1, 2), (3, 4), (4, 5)):
-        few, many = RESULTS[SENSOR_SETS[unmeasured].name], RESULTS[SENSOR_SETS[measured].name]
+        few, many = results()[SENSOR_SETS[unmeasured].name], results()[SENSOR_SETS[measured].name]
         count = min(len(few.left), len(many.left))
         told = few.left[:count, :count] > NOTHING_LEFT
         assert (many.left[:count, :count][told] > NOTHING_LEFT).all()
 
 
 def test_three_readings_and_three_unknown_causes_show_nothing() -> None:
-    result = RESULTS["3 readings"]
+    result = results()["3 readings"]
     assert result.unseen == result.sensors.faults
     assert result.groups(LITTLE_LEFT) == []
 
@@ -124,7 +133,7 @@ def test_a_sensor_without_dynamics_is_a_unit_column() -> None:
 
 
 def test_tables_are_whole() -> None:
-    for result in RESULTS.values():
+    for result in results().values():
         lines = table(result).splitlines()
         assert {line.count("|") for line in lines} == {len(result.sensors.faults) + 2}
         assert summary(result).count("|") == 7
