@@ -12,6 +12,7 @@ and so are the numbers, to the last bit.
 """
 
 import os
+import sys
 from collections.abc import Callable
 from functools import cache, update_wrapper
 from pathlib import Path
@@ -99,9 +100,24 @@ class _Step:
         return self._dispatcher
 
 
-def _compiled(function: Any, folder: str) -> Any:
-    import numba  # not in a node that can do without it
+@cache
+def _numba() -> Any:
+    """Load numba without scipy's linear algebra: no function here uses it, and it is a fifth of a plant's start."""
+    wanted = "scipy.linalg.cython_blas"
+    is_there = wanted in sys.modules
+    if not is_there:
+        sys.modules[wanted] = None  # type: ignore[assignment]  # says that there is none
+    try:
+        import numba
+        import numba.np.arraymath  # looks for it
+    finally:
+        if not is_there:
+            del sys.modules[wanted]
+    return numba
 
+
+def _compiled(function: Any, folder: str) -> Any:
+    numba = _numba()  # not in a node that can do without it
     config = numba.config
     previous = config.CACHE_DIR, getattr(config, "CACHE_LOCATOR_CLASSES", "")  # an old numba has a place for each path
     config.CACHE_DIR, config.CACHE_LOCATOR_CLASSES = folder, f"{__name__}.{Place.__name__}"

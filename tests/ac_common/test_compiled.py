@@ -1,6 +1,7 @@
 """Compiled functions that only borrow arrays count no references; those that make some do, and nothing leaks."""
 
 import gc
+import subprocess
 import sys
 import weakref
 from typing import NamedTuple
@@ -82,3 +83,15 @@ def test_a_run_leaves_no_array_behind():
     del loop
     gc.collect()
     assert [reference() for reference in left] == [None] * len(left)
+
+
+def test_compiled_code_loads_no_linear_algebra_and_leaves_it_to_others():
+    program = """
+import sys
+from ac_plant_node import Plant
+Plant.at("med").advance(1.0)
+print("scipy.linalg" in sys.modules)
+import scipy.linalg.cython_blas
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
