@@ -21,9 +21,9 @@ GRAPHS = ("clock", "ros")
 LONG = {
     "accommodation", "authority", "bad_inputs", "blas_threads", "cabin", "cache", "car_in_the_box", "car_runs",
     "car_table", "cli", "cli_study", "colcon", "comparison_page", "designs", "figures", "foreign_bags", "hinfsyn",
-    "jumping_inputs", "loop_stability", "mending", "messages", "new_fault", "own_plant", "paper_controller",
-    "protection", "report", "report_page", "resources", "scales", "simulate", "step_response", "study_engine",
-    "study_results", "study_statistics", "thresholds", "zones",
+    "jumping_inputs", "loop_stability", "mending", "messages", "new_fault", "observer_anywhere", "own_plant",
+    "paper_controller", "protection", "report", "report_page", "resources", "scales", "simulate", "step_response",
+    "study_engine", "study_results", "study_scaling", "study_statistics", "thresholds", "zones",
 }  # fmt: skip
 
 # The first call of much takes its time: a compiled function, a message of a type, a file from the disk.
