@@ -20,6 +20,9 @@ A second fault that is isolated does not end the first. "Unknown" hides both: wh
 A slow fault's name is less certain than an abrupt one's: whoever takes a sine of the pressure's sensor for a fault of
 the compressor has to move that again and again, and then needs a second fault. So a fault that does not rest is
 unknown, and so is a second slow one.
+
+What is not isolated at once keeps its name as long as it explains the readings better than the other named fault would
+(`fdi_node.envelope.rival`).
 """
 
 import math
@@ -31,36 +34,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.faults import UNKNOWN
-from ac_plant_node.dynamics.balances import N_STATES
 from fdi_node.envelope import filter as kalman
 from fdi_node.envelope import jumps
+from fdi_node.envelope.explanations import Explanations
+from fdi_node.envelope.isolation import NOT, Isolated, Isolation
 from fdi_node.envelope.limits import Limits
-from fdi_node.envelope.memory import LARGEST, N_ONSETS, NIS, TICKS, Memory, Rules, memory_of, rules_in
-from fdi_node.envelope.quiet import (
-    FLOORS,
-    HIGHEST,
-    INCONSISTENT,
-    IS_THERE,
-    LOWEST,
-    N_ASKED,
-    NAMED,
-    NATURAL_RATIO,
-    NEVER,
-    SETTLE_S,
-    SIGMAS,
-    SMALL,
-    SMALL_SIGMAS,
-    UNITS,
-    UNNAMED,
-    is_quiet,
-)
+from fdi_node.envelope.memory import LARGEST, N_ONSETS, NIS, TICKS, memory_of, rules_in
+from fdi_node.envelope.quiet import HIGHEST, IS_THERE, LOWEST, NAMED, SETTLE_S, is_quiet
 from fdi_node.envelope.unknowns import NATURAL, UNKNOWNS, Unknown
 
-NOT = math.inf
-"""Time since when something holds that does not hold."""
 _BEYOND = ("beyond_n", "beyond_p")
-MOST_AT_ONCE = 2
-"""More faults than these at once are not told apart: whoever sees more has lost the plant."""
 
 
 class Conclusion(NamedTuple):
@@ -73,30 +56,6 @@ class Conclusion(NamedTuple):
     onset_s: float
     isolated_s: float
     also_isolated: str | None
-
-
-@dataclass
-class Isolated:
-    """A fault that is isolated.
-
-    Position of its unknown (-1: none), name, times, since when it is small, whether it was isolated at once, how often
-    it has moved of late, and when it did last.
-    """
-
-    unknown: int
-    name: str
-    onset_s: float
-    isolated_s: float
-    small_since: float = NOT
-    is_abrupt: bool = False
-    moves: float = 0.0
-    moved_s: float = 0.0
-
-    def rests(self, time_s: float, limits: Limits) -> bool:
-        """Take note of a move of this fault; return whether it has moved no more often than it may."""
-        self.moves = 1.0 + self.moves * math.exp((self.moved_s - time_s) / limits.restless_s)
-        self.moved_s = time_s
-        return self.moves <= limits.most_moves
 
 
 @dataclass
@@ -145,16 +104,14 @@ class EnvelopeDecision:
 
     Attributes
     ----------
+    isolation : Isolation
     isolated : list of Isolated
+        The faults that it holds.
     since : Since
     asked, thresholds : ndarray
         What `fdi_node.envelope.quiet.is_quiet` is asked, and the thresholds that it finds.
     doubts : bool
         Whether the plant seems to be another one than the design's, and `open_up` is to be called.
-    is_open : bool
-        Whether the plant's parameters are estimated.
-    is_lost : bool
-        Whether more seems to be off than can be told apart, so that the observer has to begin anew.
     """
 
     def __init__(
@@ -168,21 +125,18 @@ class EnvelopeDecision:
         self.limits, self._unknowns, self._flat, self._packed = limits, unknowns, flat, packed
         rules = self._rules = rules_in(packed)
         self._memory = memory_of(flat, len(unknowns), len(rules.jumping))
-        self.thresholds, self.asked = np.zeros(NAMED), _asked(limits, unknowns)
-        self._h, self._quiet_q = float(rules.constants[0]), rules.Q.copy()
-        self._positions = [int(i) for i in rules.jumping]
-        self._reported = [unknowns[i].reported for i in self._positions]
-        self.isolated: list[Isolated] = []
+        self.isolation = Isolation(limits, unknowns, flat, packed, is_open)
+        self.isolated, self.asked, self.thresholds = self.isolation.faults, self.isolation.asked, np.zeros(NAMED)
+        self._h = float(rules.constants[0])
+        self._explanations = Explanations.of(rules, unknowns)
         self.since = Since()
         self._may_open, self._time_s = len(unknowns) > len(UNKNOWNS), 0.0
-        self.doubts, self.is_open, self.is_lost = False, is_open, False
-        self._set_drifts()
+        self.doubts = False
 
     def open_up(self) -> None:
         """Begin anew with the plant's parameters estimated."""
-        self.isolated.clear()
-        self.doubts, self.is_open = False, True
-        self._set_drifts()
+        self.doubts = False
+        self.isolation.open_up()
 
     def step(self, time_s: float) -> Conclusion:
         """Conclude from what the observer says at this tick."""
@@ -191,12 +145,14 @@ class EnvelopeDecision:
         if quiet:  # as in most ticks
             return self.rest(time_s, time_s)
         self._time_s = float(self._memory.scalars[TICKS]) * self._h
+        if self.isolation.compare(self._explanations, time_s):
+            self.since.unlikely()
         if self._time_s > self.asked[SETTLE_S]:
             self._explain(time_s)
             self._look_at_estimates(time_s, thresholds)
             self._look_at_consistency(time_s)
         if self.isolated:
-            self._end(time_s)
+            self.isolation.end(time_s, self.since.likely == NOT)
         return self._conclude(time_s, thresholds)
 
     def rest(self, first_s: float, last_s: float) -> Conclusion:
@@ -227,7 +183,7 @@ class EnvelopeDecision:
 
     def _is_early(self, onset_s: float, time_s: float) -> bool:
         """Return whether what has begun then would rather be another plant than a fault."""
-        return self._may_open and not self.is_open and self._time_s - (time_s - onset_s) < self.limits.trust_s
+        return self._may_open and not self.isolation.is_open and self._time_s - (time_s - onset_s) < self.limits.trust_s
 
     def _explain(self, time_s: float) -> None:
         """Accept the explanation that is ahead of the others."""
@@ -240,21 +196,21 @@ class EnvelopeDecision:
         is_unsure = any(one.unknown >= 0 and not one.is_abrupt for one in self.isolated)
         ratios = self._memory.ratios.tolist()
         if is_unsure and not self._stands_out(ratios):
-            _weigh(ratios, [at in known for at in self._positions], self._reported, limits.second)
-        flow = _air_flow_that_jumped(self._memory, self._rules, self._reported, ratios, limits, not self.isolated)
+            self._explanations.weigh(ratios, known, limits.second)
+        flow = self._explanations.air_flow_that_jumped(self._memory, self._rules, ratios, limits, not self.isolated)
         if flow is not None:
             self._accept(flow, time_s)
             return
-        top, best, lead = _ahead(ratios, self._positions)
-        unknown, grows = self._positions[top], bool(self._rules.growing[top])
-        reported = self._reported[top]
-        likely = limits.likely_open if self.is_open else limits.likely
+        top, best, lead = self._explanations.ahead(ratios)
+        unknown, grows = self._explanations.positions[top], bool(self._rules.growing[top])
+        reported = self._explanations.reported[top]
+        likely = limits.likely_open if self.isolation.is_open else limits.likely
         if here < likely or (reported == UNKNOWN and here < limits.likely_unknown):
             since.unlikely()
             return
         if since.likely == NOT:
             since.likely = time_s
-        waited_s = 0.0 if self.isolated or self.is_open else time_s - since.likely
+        waited_s = 0.0 if self.isolated or self.isolation.is_open else time_s - since.likely
         if not lead > limits.lead(best, waited_s):
             since.ahead = NOT
         elif unknown != since.leader or since.ahead == NOT:
@@ -272,54 +228,33 @@ class EnvelopeDecision:
                 self._add(-1, UNKNOWN, onset_s, time_s)
                 return
             since.unlikely()
+            if not at_once:
+                self.isolation.doubt(self._explanations, top)
             if self._accept(top, time_s) != NATURAL:
                 self._add(-1 if self._rules.prior[top] < 0.0 else unknown, reported, onset_s, time_s, at_once)
         elif time_s - since.certain >= limits.undecided_s:
             self._add(-1, UNKNOWN, onset_s, time_s)
 
     def _stands_out(self, ratios: list[float]) -> bool:
-        share = self.limits.at_once_share_open if self.is_open else self.limits.at_once_share
-        return _is_abrupt(self._memory, self._rules, self._reported, ratios, self.limits, share)
+        share = self.limits.at_once_share_open if self.isolation.is_open else self.limits.at_once_share
+        return self._explanations.is_abrupt(self._memory, self._rules, ratios, self.limits, share)
 
     def _accept(self, top: int, time_s: float) -> str:
         """Move the estimate as an explanation says, and return what it is reported as."""
-        reported = self._reported[top]
+        reported = self._explanations.reported[top]
         kalman.accept_jump(self._flat, self._rules, top, reported != NATURAL)
         if reported == NATURAL:
             self.since.natural = time_s
+            if self.isolation.rival is not None:
+                self.isolation.rival.accept_air_flow(top)
         return reported
 
     def _add(self, unknown: int, name: str, onset_s: float, time_s: float, is_abrupt: bool = False) -> None:
-        """Isolate a fault, unless it is already, or the plant is another one."""
-        for one in self.isolated:
-            if (one.unknown, one.name) == (unknown, name):
-                one.small_since = NOT
-                if name != UNKNOWN and not one.rests(time_s, self.limits):
-                    self._add(-1, UNKNOWN, one.onset_s, time_s)
-                return
+        """Isolate a fault, unless the plant is another one."""
         if not self.isolated and self._is_early(onset_s, time_s):  # a plant with a fault has been trusted before
             self.doubts = True
-            return
-        self.isolated.append(Isolated(unknown, name, onset_s, time_s, is_abrupt=is_abrupt))
-        if sum(one.unknown >= 0 for one in self.isolated) > MOST_AT_ONCE:
-            self.isolated[:] = [Isolated(-1, UNKNOWN, self.isolated[0].onset_s, time_s)]
-            self.is_lost = True
-        self._set_drifts()
-
-    def _set_drifts(self) -> None:
-        """Let the estimates of the isolated faults follow them, and those of the others rest."""
-        self._rules.Q[:] = self._quiet_q
-        self.asked[SETTLE_S] = self.limits.settle_open_s if self.is_open else self.limits.settle_s
-        there = [one.unknown for one in self.isolated]
-        self.asked[IS_THERE : IS_THERE + NAMED] = [i in there for i in range(NAMED)]
-        self.asked[NEVER], self.asked[UNNAMED] = -1 in there, max(there, default=0) >= NAMED
-        self.asked[N_ASKED + NAMED :] = [i in there for i in range(NAMED, len(self._unknowns))]
-        if not self.is_open:
-            self._rules.Q[N_STATES + len(UNKNOWNS) :] = 0.0
-        for one in self.isolated:
-            if one.unknown >= 0:
-                row = self._unknowns[one.unknown]
-                self._rules.Q[N_STATES + one.unknown] = (row.drift_after / row.scale) ** 2
+        else:
+            self.isolation.add(Isolated(unknown, name, onset_s, time_s, is_abrupt=is_abrupt))
 
     def _look_at_estimates(self, time_s: float, thresholds: tuple[float, ...]) -> None:
         limits, since = self.limits, self.since
@@ -334,7 +269,7 @@ class EnvelopeDecision:
             if time_s - began < limits.wander_s:
                 continue
             if i not in known and not known and time_s - since.unknown > limits.after_unknown_s:
-                self._add(i, self._reported[i], began, time_s)
+                self._add(i, self._unknowns[i].reported, began, time_s)
             if not self.asked[LOWEST + i] <= value <= self.asked[HIGHEST + i]:
                 self._add(-1, UNKNOWN, began, time_s)
 
@@ -345,98 +280,18 @@ class EnvelopeDecision:
         if time_s - since.inconsistent >= self.limits.undecided_s:
             self._add(-1, UNKNOWN, since.inconsistent, time_s)
 
-    def _is_small(self, unknown: int) -> bool:
-        if unknown < 0:
-            return self.since.likely == NOT and float(self._memory.scalars[NIS]) < self.limits.consistent
-        return _is_within(self._memory, self.limits, unknown, self._unknowns[unknown].scale)
-
-    def _end(self, time_s: float) -> None:
-        """Forget the faults that are over."""
-        for one in list(self.isolated):
-            if not self._is_small(one.unknown):
-                one.small_since = NOT
-                continue
-            one.small_since = min(one.small_since, time_s)
-            if time_s - one.small_since < self.limits.clear_s:
-                continue
-            self.isolated.remove(one)
-            self._set_drifts()
-            if one.unknown >= 0:
-                row = self._unknowns[one.unknown]
-                kalman.settle(self._flat, self._rules, one.unknown, (row.first / row.scale) ** 2)
-
     def restart(self) -> None:
         """Go over a gap: what seemed likely before it is looked for anew."""
-        self.since, self.is_lost = Since(), False
+        self.since = Since()
+        self.isolation.begin_anew()
         jumps.begin_all(self._memory, self._rules)
 
     def state(self) -> dict[str, Any]:
         """Return what a decision that takes this one's place has to know, fit for JSON (inf included)."""
-        isolated, since = [asdict(one) for one in self.isolated], asdict(self.since)
-        return {"isolated": isolated, "since": since, "is_open": self.is_open}
+        return {"since": asdict(self.since), "isolation": self.isolation.state()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Take the place of the decision whose `state` this is; `KeyError`, `TypeError`, `ValueError`: it is none."""
-        self.isolated, self.since, self.is_open = _restored(state, len(self._unknowns))
-        self._set_drifts()
-
-
-def _ahead(ratios: list[float], positions: list[int]) -> tuple[int, float, float]:
-    """Return which explanation has the largest ratio, that, and its lead over those of other unknowns."""
-    best = max(ratios)
-    top = ratios.index(best)
-    others = (ratio for ratio, other in zip(ratios, positions, strict=True) if other != positions[top])
-    return top, best, best - max(others)
-
-
-def _is_abrupt(m: Memory, rules: Rules, reported: list[str], ratios: list[float], limits: Limits, share: float) -> bool:
-    """Return whether what is ahead is a named fault that has jumped just now, and clearly: it is isolated at once."""
-    top, best, lead = _ahead(ratios, [int(i) for i in rules.jumping])
-    age_s = float(m.age[int(m.best[top])] * rules.constants[0])
-    has_jumped = reported[top] not in (UNKNOWN, NATURAL) and not rules.growing[top] and age_s <= limits.at_once_s
-    return bool(has_jumped and lead > max(limits.at_once, share * best))
-
-
-def _is_within(m: Memory, limits: Limits, unknown: int, scale: float) -> bool:
-    """Return whether the estimate of an unknown with this scale may as well be none."""
-    named = (0.5 * limits.floor_rad_s, 0.5 * limits.floor_pa)
-    small = named[unknown] if unknown < NAMED else SMALL * scale
-    deviation = math.sqrt(max(float(m.P[N_STATES + unknown, N_STATES + unknown]), 0.0)) * scale
-    return abs(float(m.x[unknown])) < small + SMALL_SIGMAS * deviation
-
-
-def _air_flow_that_jumped(
-    m: Memory, rules: Rules, reported: list[str], ratios: list[float], limits: Limits, is_first: bool
-) -> int | None:
-    """Return which air flow has jumped, if that explains more than any other jump, with what was likely before it."""
-    top = max((h for h, name in enumerate(reported) if name == NATURAL), key=lambda h: ratios[h])
-    if ratios[top] < limits.natural:
-        return None
-    before = float(jumps.told_before(m, rules, top)) if is_first else 0.0
-    explained = ratios[top] + (before if before > limits.natural else 0.0)
-    others = max(ratio for h, ratio in enumerate(ratios) if h != top)
-    return top if explained - others > limits.ahead_natural else None
-
-
-def _weigh(ratios: list[float], known: list[bool], reported: list[str], second: float) -> None:
-    """Let what would be a second fault count less by a factor; jumps of air flows are none."""
-    for i, (is_known, name) in enumerate(zip(known, reported, strict=True)):
-        ratios[i] /= 1.0 if is_known or name == NATURAL else second
-
-
-def _restored(state: Mapping[str, Any], unknowns: int) -> tuple[list[Isolated], Since, bool]:
-    isolated = [Isolated(**one) for one in state["isolated"]]
-    if any(not -1 <= int(one.unknown) < unknowns for one in isolated):
-        raise ValueError("an isolated fault that is none of the unknowns")
-    return isolated, Since(**state["since"]), bool(state["is_open"])
-
-
-def _asked(limits: Limits, unknowns: tuple[Unknown, ...]) -> NDArray[np.float64]:
-    """Return what `fdi_node.envelope.quiet.is_quiet` is asked, while nothing is isolated."""
-    asked = np.zeros(N_ASKED + len(unknowns))
-    asked[SIGMAS], asked[NATURAL_RATIO], asked[INCONSISTENT] = limits.sigmas, limits.natural, limits.inconsistent
-    asked[FLOORS : FLOORS + NAMED] = limits.floor_rad_s, limits.floor_pa
-    asked[UNITS : UNITS + NAMED] = [one.scale for one in unknowns[:NAMED]]
-    asked[LOWEST : LOWEST + NAMED] = limits.lowest_rad_s, -limits.largest_pa
-    asked[HIGHEST : HIGHEST + NAMED] = limits.highest_rad_s, limits.largest_pa
-    return asked
+        since = Since(**state["since"])
+        self.isolation.restore(state["isolation"])
+        self.since = since

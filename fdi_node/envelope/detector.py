@@ -29,6 +29,7 @@ from fdi_node.envelope.decision import Conclusion, EnvelopeDecision
 from fdi_node.envelope.limits import Limits
 from fdi_node.envelope.memory import CAUTION, NIS, SLOPE, Memory, Rules, memory_of, new_memory, packed, rules_in
 from fdi_node.envelope.model import ENERGY, N_READINGS, READING_SCALE, STATE_SCALE
+from fdi_node.envelope.rival import Rival
 from fdi_node.envelope.unknowns import PARAMETERS, UNKNOWNS, Unknown, table
 
 Vector = NDArray[np.float64]
@@ -175,7 +176,7 @@ class EnvelopeDetector:
         m.work[:] = integrator.new_work(design.start_states[start])
         first = np.concatenate([np.full(N_STATES, deviation), design.first / self.rules.rows[:, 2]])
         first[ENERGY] = 0.0
-        if not self._decision.is_open:
+        if not self._decision.isolation.is_open:
             first[N_STATES + len(UNKNOWNS) :] = 0.0
         for unknown, size in kept.items():
             m.x[unknown] = size
@@ -183,7 +184,7 @@ class EnvelopeDetector:
         np.fill_diagonal(m.P, first**2)
         m.out[:] = design.start_outputs[start]
         m.scalars[NIS] = 1.0
-        m.scalars[CAUTION] = CAREFUL**2 - 1.0 if self._decision.is_open else 0.0
+        m.scalars[CAUTION] = CAREFUL**2 - 1.0 if self._decision.isolation.is_open else 0.0
         self._told[:] = 0.0
         self._told[:N_INPUTS] = design.start_inputs[start]
         m.held[:] = self._told
@@ -217,7 +218,7 @@ class EnvelopeDetector:
         if not self._begun:
             self._begin(reading, _NEAR)
         if self.design.derived > 0.5:
-            self._take_outlet_temperature()
+            _take_outlet_temperature(self.memory, self._reading, float(self._reading[0]))
         self._tell(air_inlet_temperature_c, condenser_air_inlet_temperature_c, air_mass_flow_kg_s)
         kalman.observe(self._flat, self._packed, reading, self._told, self._tab)
         return self.conclude(time_s, air_inlet_temperature_c, condenser_air_inlet_temperature_c, air_mass_flow_kg_s)
@@ -230,8 +231,10 @@ class EnvelopeDetector:
         air_mass_flow_kg_s: float | None = None,
     ) -> Detection:
         """Return what follows from the readings of this tick, which the observer has taken."""
+        if self._decision.isolation.rival is not None:
+            self._observe_as(self._decision.isolation.rival)
         m, done = self.memory, self._decision.step(time_s)
-        if self._decision.is_lost:
+        if self._decision.isolation.is_lost:
             self._begin(self._reading, _FAR)
             self._tell(air_inlet_temperature_c, condenser_air_inlet_temperature_c, air_mass_flow_kg_s)
         elif self._decision.doubts:  # the plant is another one: from now on its parameters are estimated, too
@@ -242,15 +245,12 @@ class EnvelopeDetector:
         f_n, f_p, *_ = m.x.tolist()
         return Detection(Innovation(p * scale_p, s * scale_s, w * scale_w), (f_n, f_p), *done)
 
-    def _take_outlet_temperature(self) -> None:
-        """Read the superheat that the outlet temperature means at the pressure that is predicted.
-
-        Whatever the pressure's sensor is off by is then in one reading only.
-        """
-        predicted = max(float(self.memory.out[0]), LEAST_PRESSURE_PA)
-        measured = max(float(self._reading[0]), LEAST_PRESSURE_PA)
-        self._reading[1] += saturation_temperature(measured) - saturation_temperature(predicted)
-        self.memory.scalars[SLOPE] = saturation_slope(predicted)
+    def _observe_as(self, rival: Rival) -> None:
+        """Let a rival take the readings of this tick."""
+        reading = self._reading.copy()
+        if self.design.derived > 0.5:
+            _take_outlet_temperature(rival.memory, reading, float(self.memory.out[0]))
+        rival.observe(reading, self._told, self._tab)
 
     def commanded(self, command: Signal) -> None:
         """Close the tick with the command [rad/s, 0..1] that the controller has sent.
@@ -258,6 +258,8 @@ class EnvelopeDetector:
         Must be called once after each `observe`: the observer moves on to the next tick here.
         """
         self._told[SPEED], self._told[OPENING] = command
+        if self._decision.isolation.rival is not None:
+            self._decision.isolation.rival.predict(self._told, self._tab)
         if kalman.predict(self._flat, self._packed, self._told, self._tab) != 0:
             self.begin_anew()
 
@@ -344,3 +346,13 @@ class EnvelopeDetector:
             msg = f"not the state of such a detector: {type(problem).__name__} {problem}"
             raise ValueError(msg) from None
         self._flat[:], self._told[:], self._reading[:], self._begun = flat, told, reading, begun
+
+
+def _take_outlet_temperature(m: Memory, reading: Vector, pressure_pa: float) -> None:
+    """Read the superheat that the outlet temperature means at the pressure that is predicted, not at the one it is of.
+
+    Whatever the pressure's sensor is off by is then in one reading only.
+    """
+    predicted = max(float(m.out[0]), LEAST_PRESSURE_PA)
+    reading[1] += saturation_temperature(max(pressure_pa, LEAST_PRESSURE_PA)) - saturation_temperature(predicted)
+    m.scalars[SLOPE] = saturation_slope(predicted)

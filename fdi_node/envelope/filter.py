@@ -165,7 +165,7 @@ def correct(m: Memory, rules: Rules, dz: Array) -> None:
         dz[i] = 0.0
     gains, G = np.zeros(N_READINGS), jumps.innovations_of(m)
     for r in range(N_READINGS):
-        m.white[r] = 0.0
+        m.white[r], m.sizes[r] = 0.0, 1.0
         if not rules.R[r] < np.inf:
             continue
         C, K, e = m.C[r], m.PC[r], m.e[r]
@@ -173,7 +173,8 @@ def correct(m: Memory, rules: Rules, dz: Array) -> None:
         for i in range(n):
             s += C[i] * K[i]
             e -= C[i] * dz[i]
-        m.white[r] = e / np.sqrt(s)
+        m.sizes[r] = np.sqrt(s)
+        m.white[r] = e / m.sizes[r]
         total += min(m.white[r] ** 2, MOST)
         readings += 1.0
         jumps.follow(m, G[r], e, s)

@@ -77,13 +77,13 @@ class Memory(NamedTuple):
 
     `work`: of the integration; `scalars`; `x` (m,): unknowns; `out` (4,): predicted outputs; `before`, `now` (12,):
     integration vector before the last correction and after it; `par`, `held`: the plant's, unknowns included; `e`, `s`
-    (4,): innovations and their standard deviations; `white` (4,): innovations of the readings one after the other over
-    theirs; `P` (n, n), `A`, `F` (12, n), `C`, `PC` (4, n): covariance, Jacobian, transition, Jacobian of the readings,
-    C P, all in units of the scales; `V` (n, w q + 11 a), `S`, `d` (w q + 11 a,): as in `jumps`, of the jumps in w
-    windows, then of each of the a abrupt ones from each of the last ticks on, and of the one that is kept; `age`
-    (w + 11 a,): ticks of each; `telling`, `opening` (w,): a window's largest ratio, the valve's opening when it began;
-    `ratios`, `best` (q,): of each jump the largest ratio, and which beginning it is of; `past` (10, 2, w q + 11 a): S
-    and d before each of the last ticks.
+    (4,): innovations and their standard deviations; `white`, `sizes` (4,): innovations of the readings one after the
+    other over theirs, and these; `P` (n, n), `A`, `F` (12, n), `C`, `PC` (4, n): covariance, Jacobian, transition,
+    Jacobian of the readings, C P, all in units of the scales; `V` (n, w q + 11 a), `S`, `d` (w q + 11 a,): as in
+    `jumps`, of the jumps in w windows, then of each of the a abrupt ones from each of the last ticks on, and of the one
+    that is kept; `age` (w + 11 a,): ticks of each; `telling`, `opening` (w,): a window's largest ratio, the valve's
+    opening when it began; `ratios`, `best` (q,): of each jump the largest ratio, and which beginning it is of; `past`
+    (10, 2, w q + 11 a): S and d before each of the last ticks.
     """
 
     work: Array
@@ -97,6 +97,7 @@ class Memory(NamedTuple):
     e: Array
     s: Array
     white: Array
+    sizes: Array
     P: Array
     A: Array
     F: Array
@@ -127,7 +128,8 @@ def memory_of(flat: Array, m: int, q: int) -> Memory:
     i = h + N_HELD
     j = i + N_READINGS
     k = j + N_READINGS
-    o = k + N_READINGS
+    kk = k + N_READINGS
+    o = kk + N_READINGS
     p = o + n * n
     r = p + N_STATES * n
     s = r + N_STATES * n
@@ -140,7 +142,7 @@ def memory_of(flat: Array, m: int, q: int) -> Memory:
     z = y + N_BEGINNINGS
     return Memory(
         flat[:a], flat[a:b], flat[b:c], flat[c:e], flat[e:f], flat[f:g], flat[g:h], flat[h:i], flat[i:j], flat[j:k],
-        flat[k:o], flat[o:p].reshape(n, n), flat[p:r].reshape(N_STATES, n), flat[r:s].reshape(N_STATES, n),
+        flat[k:kk], flat[kk:o], flat[o:p].reshape(n, n), flat[p:r].reshape(N_STATES, n), flat[r:s].reshape(N_STATES, n),
         flat[s:t].reshape(N_READINGS, n), flat[t:u].reshape(N_READINGS, n), flat[u:v].reshape(n, columns), flat[v:x],
         flat[x:y], flat[y:z], flat[z : z + w], flat[z + w : z + 2 * w], flat[z + 2 * w : z + 2 * w + q],
         flat[z + 2 * w + q : z + 2 * w + 2 * q],
@@ -153,6 +155,6 @@ def new_memory(m: int, q: int) -> Array:
     n, w = N_STATES + m, N_WINDOWS
     columns = w * q + N_BEGINNINGS - w
     small = (
-        N_WORK + N_SCALARS + m + 2 * N_STATES + N_PARAMETERS + N_HELD + 4 * N_READINGS + N_BEGINNINGS + 2 * w + 2 * q
+        N_WORK + N_SCALARS + m + 2 * N_STATES + N_PARAMETERS + N_HELD + 5 * N_READINGS + N_BEGINNINGS + 2 * w + 2 * q
     )
     return np.zeros(small + n * n + 2 * (N_STATES + N_READINGS) * n + (n + 2 + 2 * N_ONSETS) * columns)

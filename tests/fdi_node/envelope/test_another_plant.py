@@ -12,7 +12,7 @@ from ac_experiments.study.plants import plant_off_by
 from ac_plant_node import Plant
 from ac_plant_node.parameters.file import another_plant
 from fdi_node.envelope import EnvelopeDetector, Limits
-from fdi_node.envelope.decision import Isolated
+from fdi_node.envelope.isolation import Isolated
 from fdi_node.envelope.memory import LARGEST, TICKS
 from fdi_node.envelope.unknowns import PARAMETERS, UNKNOWNS
 from tests.fdi_node.envelope.loops import H, Loop, design
@@ -31,7 +31,7 @@ def on_another_plant(parameters: str = IF_NEEDED) -> Loop:
 def test_another_plant_is_no_fault_and_a_fault_of_it_is_found() -> None:
     loop = on_another_plant()
     assert not any(said.detected for said in loop.run(200.0))
-    assert loop.detector._decision.is_open
+    assert loop.detector._decision.isolation.is_open
     *_, said = loop.run(20.0, speed_fault=40.0 * RPM)
     assert said.isolated == "compressor_speed"
     assert said.size == pytest.approx(40.0 * RPM, rel=0.2)
@@ -46,7 +46,7 @@ def test_parameters_are_estimated_as_well_as_the_filter_says_it_knows_them(point
         loop.plant = Plant.at(point)
     assert not any(said.detected for said in loop.run(150.0))
     found = loop.detector.memory.x[len(UNKNOWNS) :] / scales
-    assert loop.detector._decision.is_open
+    assert loop.detector._decision.isolation.is_open
     assert np.abs(found - off).max() < 3.0  # readings at rest do not tell all of them
 
 
@@ -57,7 +57,7 @@ def test_it_is_a_fault_when_the_parameters_are_taken_for_known() -> None:
 def test_the_plant_of_the_design_stays_known() -> None:
     loop = Loop("low", parameters=IF_NEEDED)
     assert not any(said.detected for said in loop.run(60.0))
-    assert not loop.detector._decision.is_open
+    assert not loop.detector._decision.isolation.is_open
     assert (loop.detector.memory.x[len(UNKNOWNS) :] == 0.0).all()
 
 
@@ -102,7 +102,7 @@ def test_one_that_takes_its_place_knows_of_the_other_plant() -> None:
     list(loop.run(60.0))
     other = EnvelopeDetector(design(parameters=IF_NEEDED))
     other.restore(json.loads(json.dumps(loop.detector.state())))
-    assert other._decision.is_open
+    assert other._decision.isolation.is_open
     assert (other.rules.Q == loop.detector.rules.Q).all()
 
 

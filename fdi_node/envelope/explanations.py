@@ -1,0 +1,61 @@
+"""Which explanation of what has been seen is ahead, and whether it is one at once or a jump of an air flow."""
+
+from typing import NamedTuple
+
+from ac_common.faults import UNKNOWN
+from fdi_node.envelope import jumps
+from fdi_node.envelope.limits import Limits
+from fdi_node.envelope.memory import Memory, Rules
+from fdi_node.envelope.unknowns import NATURAL, Unknown
+
+
+class Explanations(NamedTuple):
+    """Those that may jump, in the order of their ratios.
+
+    `positions`: of their unknowns; `reported`: what a jump of each is isolated as.
+    """
+
+    positions: list[int]
+    reported: list[str]
+
+    @classmethod
+    def of(cls, rules: Rules, unknowns: tuple[Unknown, ...]) -> "Explanations":
+        """Return those of some rules."""
+        positions = [int(i) for i in rules.jumping]
+        return cls(positions, [unknowns[i].reported for i in positions])
+
+    def ahead(self, ratios: list[float]) -> tuple[int, float, float]:
+        """Return which explanation has the largest ratio, that, and its lead over those of other unknowns."""
+        best = max(ratios)
+        top = ratios.index(best)
+        here = self.positions[top]
+        return top, best, best - max(ratio for ratio, at in zip(ratios, self.positions, strict=True) if at != here)
+
+    def best_of(self, unknown: int, ratios: list[float]) -> int:
+        """Return the explanation by an unknown that has the largest ratio."""
+        return max((h for h, at in enumerate(self.positions) if at == unknown), key=ratios.__getitem__)
+
+    def is_abrupt(self, m: Memory, rules: Rules, ratios: list[float], limits: Limits, share: float) -> bool:
+        """Return whether what is ahead is a named fault that has jumped just now, and clearly."""
+        top, best, lead = self.ahead(ratios)
+        age_s = float(m.age[int(m.best[top])] * rules.constants[0])
+        is_named = self.reported[top] not in (UNKNOWN, NATURAL)
+        has_jumped = is_named and not rules.growing[top] and age_s <= limits.at_once_s
+        return bool(has_jumped and lead > max(limits.at_once, share * best))
+
+    def air_flow_that_jumped(
+        self, m: Memory, rules: Rules, ratios: list[float], limits: Limits, is_first: bool
+    ) -> int | None:
+        """Return which air flow has jumped, if that explains more than any other jump, with what was likely before."""
+        top = max((h for h, name in enumerate(self.reported) if name == NATURAL), key=ratios.__getitem__)
+        if ratios[top] < limits.natural:
+            return None
+        before = float(jumps.told_before(m, rules, top)) if is_first else 0.0
+        explained = ratios[top] + (before if before > limits.natural else 0.0)
+        others = max(ratio for h, ratio in enumerate(ratios) if h != top)
+        return top if explained - others > limits.ahead_natural else None
+
+    def weigh(self, ratios: list[float], known: list[int], second: float) -> None:
+        """Let what would be a second fault count less by a factor; jumps of air flows are none."""
+        for i, (at, name) in enumerate(zip(self.positions, self.reported, strict=True)):
+            ratios[i] /= 1.0 if at in known or name == NATURAL else second

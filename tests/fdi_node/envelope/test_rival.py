@@ -1,0 +1,89 @@
+"""A name that is wrong does not stay: the other explanation is followed by an observer of its own."""
+
+import json
+import math
+from collections.abc import Callable
+
+import pytest
+
+from ac_common.units import KPA, RPM
+from fdi_node.envelope import EnvelopeDetector, Limits
+from fdi_node.envelope.isolation import Isolation
+from tests.fdi_node.envelope.loops import Loop, design
+
+FAULTS = {
+    "compressor_speed": {"speed_fault": 10.0 * RPM},
+    "evaporator_pressure": {"reading_fault": (0.5 * KPA, 0.0, 0.0, 0.0)},
+}
+OTHER = dict(zip(FAULTS, reversed(FAULTS), strict=True))
+
+
+def isolation_of(loop: Loop) -> Isolation:
+    return loop.detector._decision.isolation
+
+
+def until(loop: Loop, holds: Callable[[], bool], name: str) -> None:
+    for _ in loop.run(200.0, **FAULTS[name]):
+        if holds():
+            return
+    raise AssertionError("it never does")
+
+
+def with_a_rival(name: str) -> Loop:
+    """Return a loop in which a fault has just been isolated, neither for sure nor wrongly."""
+    loop = Loop("med")
+    list(loop.run(25.0))
+    until(loop, lambda: bool(isolation_of(loop).faults), name)
+    assert [one.name for one in isolation_of(loop).faults] == [name]
+    return loop
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_wrong_name_does_not_stay(name: str) -> None:
+    loop = with_a_rival(name)
+    isolation = isolation_of(loop)
+    assert isolation.rival is not None
+    isolation.rival.evidence = -math.inf
+    said = loop.step(**FAULTS[name])
+    assert said.isolated == OTHER[name]
+    isolation.rival.evidence = Limits().better  # as one that has been wrong from the first
+    until(loop, lambda: isolation.faults[0].name == name, name)
+    assert isolation.rival.evidence > 0.0
+    list(loop.run(20.0, **FAULTS[name]))
+    assert [one.name for one in isolation.faults] == [name]
+    assert loop.step(**FAULTS[name]).size == pytest.approx(
+        10.0 * RPM if name == "compressor_speed" else 0.5 * KPA, rel=0.3
+    )
+
+
+def test_what_is_right_by_far_is_compared_no_longer() -> None:
+    loop = with_a_rival("compressor_speed")
+    until(loop, lambda: isolation_of(loop).rival is None, "compressor_speed")
+    assert [one.name for one in isolation_of(loop).faults] == ["compressor_speed"]
+
+
+def test_what_jumps_clearly_has_no_rival() -> None:
+    loop = Loop("med")
+    list(loop.run(25.0))
+    list(loop.run(1.0, reading_fault=(5.0 * KPA, 0.0, 0.0, 0.0)))
+    assert isolation_of(loop).faults[0].is_abrupt
+    assert isolation_of(loop).rival is None
+
+
+def test_one_that_takes_its_place_compares_on() -> None:
+    loop = with_a_rival("compressor_speed")
+    other = EnvelopeDetector(design())
+    other.restore(json.loads(json.dumps(loop.detector.state())))
+    twin, isolation = other._decision.isolation, isolation_of(loop)
+    assert twin.rival is not None
+    assert isolation.rival is not None
+    assert (twin.asked == isolation.asked).all()
+    assert other.state() == loop.detector.state()
+    assert (twin.rival.rules.Q == isolation.rival.rules.Q).all()
+
+
+def test_after_a_gap_nothing_is_compared() -> None:
+    loop = with_a_rival("compressor_speed")
+    loop.detector.begin_anew()
+    assert isolation_of(loop).rival is None
+    assert len(isolation_of(loop).faults) == 1
