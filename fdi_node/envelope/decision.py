@@ -201,7 +201,7 @@ class EnvelopeDecision:
         if flow is not None:
             self._accept(flow, time_s)
             return
-        top, best, lead = self._explanations.ahead(ratios)
+        top, best, lead = self._explanations.ahead(ratios, limits.rarer)
         unknown, grows = self._explanations.positions[top], bool(self._rules.growing[top])
         reported = self._explanations.reported[top]
         likely = limits.likely_open if self.isolation.is_open else limits.likely

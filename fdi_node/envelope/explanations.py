@@ -24,12 +24,17 @@ class Explanations(NamedTuple):
         positions = [int(i) for i in rules.jumping]
         return cls(positions, [unknowns[i].reported for i in positions])
 
-    def ahead(self, ratios: list[float]) -> tuple[int, float, float]:
-        """Return which explanation has the largest ratio, that, and its lead over those of other unknowns."""
-        best = max(ratios)
-        top = ratios.index(best)
-        here = self.positions[top]
-        return top, best, best - max(ratio for ratio, at in zip(ratios, self.positions, strict=True) if at != here)
+    def ahead(self, ratios: list[float], rarer: float) -> tuple[int, float, float]:
+        """Return which explanation is the likeliest, its ratio, and its lead over those of other unknowns.
+
+        What has no name counts less by `rarer`.
+        """
+        counted = [
+            ratio - (rarer if name == UNKNOWN else 0.0) for ratio, name in zip(ratios, self.reported, strict=True)
+        ]
+        top = counted.index(max(counted))
+        others = (ratio for ratio, at in zip(counted, self.positions, strict=True) if at != self.positions[top])
+        return top, ratios[top], counted[top] - max(others)
 
     def best_of(self, unknown: int, ratios: list[float]) -> int:
         """Return the explanation by an unknown that has the largest ratio."""
@@ -37,7 +42,7 @@ class Explanations(NamedTuple):
 
     def is_abrupt(self, m: Memory, rules: Rules, ratios: list[float], limits: Limits, share: float) -> bool:
         """Return whether what is ahead is a named fault that has jumped just now, and clearly."""
-        top, best, lead = self.ahead(ratios)
+        top, best, lead = self.ahead(ratios, limits.rarer)
         age_s = float(m.age[int(m.best[top])] * rules.constants[0])
         is_named = self.reported[top] not in (UNKNOWN, NATURAL)
         has_jumped = is_named and not rules.growing[top] and age_s <= limits.at_once_s

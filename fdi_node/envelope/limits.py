@@ -15,12 +15,13 @@ class Limits:
         Likelihood ratios (twice the logarithm) above which an air flow has jumped; a named fault is isolated if it is
         ahead, and where the plant's parameters are estimated, too; one without a name is; a fault of the compressor is
         isolated soon; it is certain that something is, so that it is detected.
-    ahead, ahead_natural, ahead_share : float
+    ahead, ahead_natural, ahead_share, rarer : float
         An explanation is ahead of another by the first, a jump of an air flow by the second; or by this share of its
-        own ratio if that is more, because the model is linearised.
-    ahead_late, patience_s : float
+        own ratio if that is more, because the model is linearised. One without a name counts less by the last: such
+        faults are rarer, and a small one of the condenser pressure's sensor looks like one of the compressor.
+    patience_s : float
         A first fault that is not certain needs less of a lead the longer it has been likely, in proportion to time, and
-        no more than the first after the second: who waits on learns little more of which fault it is.
+        none after this: who waits on learns little more of which fault it is.
     at_once, at_once_share, at_once_share_open, at_once_s : float
         A named fault that is ahead by this much, and by this share of its own ratio (the second where the plant's
         parameters are estimated), and has begun no longer ago than the last, is isolated in the same tick: a reading
@@ -69,8 +70,8 @@ class Limits:
     ahead: float = 10.0
     ahead_natural: float = 4.0
     ahead_share: float = 0.01
-    ahead_late: float = 4.0
-    patience_s: float = 30.0
+    rarer: float = 10.0
+    patience_s: float = 45.0
     at_once: float = 60.0
     at_once_share: float = 0.25
     at_once_share_open: float = 0.6
@@ -105,4 +106,4 @@ class Limits:
         needed = max(self.ahead, self.ahead_share * ratio)
         if ratio > self.certain:
             return needed
-        return max(self.ahead_late, (1.0 - waited_s / self.patience_s) * needed)
+        return max(0.0, 1.0 - waited_s / self.patience_s) * needed

@@ -69,7 +69,7 @@ class Rival:
         sizes = np.maximum(self.memory.sizes, other.sizes)
         own, its = (np.minimum((m.white * m.sizes / sizes) ** 2, kalman.MOST).sum() for m in (self.memory, other))
         self.evidence += float(own - its)
-        top, best, lead = explanations.ahead(self.memory.ratios.tolist())
+        top, best, lead = explanations.ahead(self.memory.ratios.tolist(), limits.rarer)
         if explanations.positions[top] == self.unknown and best > limits.likely and lead > limits.ahead:
             kalman.accept_jump(self._flat, self.rules, top, True)
 
