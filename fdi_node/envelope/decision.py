@@ -145,7 +145,7 @@ class EnvelopeDecision:
         if quiet:  # as in most ticks
             return self.rest(time_s, time_s)
         self._time_s = float(self._memory.scalars[TICKS]) * self._h
-        if self.isolation.compare(self._explanations, time_s):
+        if self.isolation.compare(time_s):
             self.since.unlikely()
         if self._time_s > self.asked[SETTLE_S]:
             self._explain(time_s)
@@ -201,7 +201,7 @@ class EnvelopeDecision:
         if flow is not None:
             self._accept(flow, time_s)
             return
-        top, best, lead = self._explanations.ahead(ratios, limits.rarer)
+        top, best, lead = self._explanations.ahead(ratios, limits)
         unknown, grows = self._explanations.positions[top], bool(self._rules.growing[top])
         reported = self._explanations.reported[top]
         likely = limits.likely_open if self.isolation.is_open else limits.likely

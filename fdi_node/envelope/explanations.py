@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from ac_common.faults import UNKNOWN
 from fdi_node.envelope import jumps
 from fdi_node.envelope.limits import Limits
@@ -12,26 +14,28 @@ from fdi_node.envelope.unknowns import NATURAL, Unknown
 class Explanations(NamedTuple):
     """Those that may jump, in the order of their ratios.
 
-    `positions`: of their unknowns; `reported`: what a jump of each is isolated as.
+    `positions`: of their unknowns; `reported`: what a jump of each is isolated as; `valve`: that of a stuck valve.
     """
 
     positions: list[int]
     reported: list[str]
+    valve: int
 
     @classmethod
     def of(cls, rules: Rules, unknowns: tuple[Unknown, ...]) -> "Explanations":
         """Return those of some rules."""
         positions = [int(i) for i in rules.jumping]
-        return cls(positions, [unknowns[i].reported for i in positions])
+        valve = int(np.flatnonzero(rules.prior < 0.0)[0])
+        return cls(positions, [unknowns[i].reported for i in positions], valve)
 
-    def ahead(self, ratios: list[float], rarer: float) -> tuple[int, float, float]:
+    def ahead(self, ratios: list[float], limits: Limits) -> tuple[int, float, float]:
         """Return which explanation is the likeliest, its ratio, and its lead over those of other unknowns.
 
-        What has no name counts less by `rarer`.
+        What has no name counts less by `Limits.rarer`, a stuck valve `Limits.stuck` times what it does.
         """
-        counted = [
-            ratio - (rarer if name == UNKNOWN else 0.0) for ratio, name in zip(ratios, self.reported, strict=True)
-        ]
+        rarer = [limits.rarer if name == UNKNOWN else 0.0 for name in self.reported]
+        counted = [ratio - less for ratio, less in zip(ratios, rarer, strict=True)]
+        counted[self.valve] = limits.stuck * ratios[self.valve]
         top = counted.index(max(counted))
         others = (ratio for ratio, at in zip(counted, self.positions, strict=True) if at != self.positions[top])
         return top, ratios[top], counted[top] - max(others)
@@ -42,7 +46,7 @@ class Explanations(NamedTuple):
 
     def is_abrupt(self, m: Memory, rules: Rules, ratios: list[float], limits: Limits, share: float) -> bool:
         """Return whether what is ahead is a named fault that has jumped just now, and clearly."""
-        top, best, lead = self.ahead(ratios, limits.rarer)
+        top, best, lead = self.ahead(ratios, limits)
         age_s = float(m.age[int(m.best[top])] * rules.constants[0])
         is_named = self.reported[top] not in (UNKNOWN, NATURAL)
         has_jumped = is_named and not rules.growing[top] and age_s <= limits.at_once_s

@@ -154,20 +154,28 @@ class Isolation:
             self.rival = Rival(self._flat, self._packed, 1 - unknown)
             self.rival.begin(explanations, top)
 
-    def compare(self, explanations: Explanations, time_s: float) -> bool:
-        """Give the name to the other explanation if that is the better one, and return whether it is."""
+    def compare(self, time_s: float) -> bool:
+        """Let the other explanation have the name if that is the better one, and return whether it is.
+
+        When it is no good one either, or names change too often, the fault is unknown.
+        """
         rival = self.rival
         if rival is None:
             return False
-        rival.compare(self._memory, explanations, self._limits)
+        rival.compare(self._memory)
         is_alone = [one.unknown for one in self.faults] == [1 - rival.unknown]
         is_better = is_alone and rival.evidence < -self._limits.better
         if rival.is_lost or not is_alone or rival.evidence > self._limits.settled:
             self.rival = None
         elif is_better:
-            was, unknown = self.faults.pop(), rival.unknown
+            was, unknown = self.faults[0], rival.unknown
+            if not (rival.leaves_nothing(self._limits) and was.rests(time_s, self._limits)):
+                self.rival = None
+                self.add(Isolated(-1, UNKNOWN, was.onset_s, time_s))
+                return True
             rival.change_places(self._flat, was.unknown)
-            self.faults.append(Isolated(unknown, self._unknowns[unknown].reported, was.onset_s, time_s))
+            name = self._unknowns[unknown].reported
+            self.faults[0] = Isolated(unknown, name, was.onset_s, time_s, moves=was.moves, moved_s=time_s)
         else:
             return False
         self._set_drifts()

@@ -19,6 +19,8 @@ class Limits:
         An explanation is ahead of another by the first, a jump of an air flow by the second; or by this share of its
         own ratio if that is more, because the model is linearised. One without a name counts less by the last: such
         faults are rarer, and a small one of the condenser pressure's sensor looks like one of the compressor.
+    stuck : float
+        A stuck valve counts so many times what it does, because when that began is only known to a window.
     patience_s : float
         A first fault that is not certain needs less of a lead the longer it has been likely, in proportion to time, and
         none after this: who waits on learns little more of which fault it is.
@@ -71,6 +73,7 @@ class Limits:
     ahead_natural: float = 4.0
     ahead_share: float = 0.01
     rarer: float = 10.0
+    stuck: float = 1.1
     patience_s: float = 45.0
     at_once: float = 60.0
     at_once_share: float = 0.25

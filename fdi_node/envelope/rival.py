@@ -18,7 +18,7 @@ from ac_plant_node.properties.tables import Tables
 from fdi_node.envelope import filter as kalman
 from fdi_node.envelope.explanations import Explanations
 from fdi_node.envelope.limits import Limits
-from fdi_node.envelope.memory import Memory, memory_of, rules_in
+from fdi_node.envelope.memory import LARGEST, Memory, memory_of, rules_in
 
 Vector = NDArray[np.float64]
 
@@ -64,14 +64,15 @@ class Rival:
         """Do as `fdi_node.envelope.filter.predict`."""
         self.is_lost = self.is_lost or kalman.predict(self._flat, self._packed, told, tables) != 0
 
-    def compare(self, other: Memory, explanations: Explanations, limits: Limits) -> None:
-        """Weigh the readings of a tick, and move the estimate of this one's fault if that has to be."""
+    def compare(self, other: Memory) -> None:
+        """Weigh the readings of a tick."""
         sizes = np.maximum(self.memory.sizes, other.sizes)
         own, its = (np.minimum((m.white * m.sizes / sizes) ** 2, kalman.MOST).sum() for m in (self.memory, other))
         self.evidence += float(own - its)
-        top, best, lead = explanations.ahead(self.memory.ratios.tolist(), limits.rarer)
-        if explanations.positions[top] == self.unknown and best > limits.likely and lead > limits.ahead:
-            kalman.accept_jump(self._flat, self.rules, top, True)
+
+    def leaves_nothing(self, limits: Limits) -> bool:
+        """Return whether nothing else has to have jumped for this observer."""
+        return bool(self.memory.scalars[LARGEST] < limits.likely)
 
     def accept_air_flow(self, top: int) -> None:
         """Take it that an air flow has jumped."""

@@ -83,6 +83,13 @@ def test_what_has_no_name_is_unknown(name: str) -> None:
     assert Story().tell(Limits().hold_unsure_s + 0.2, **{name: 900.0, "compressor_speed": 500.0}) == (True, "unknown")
 
 
+def test_what_has_no_name_holds_a_named_fault_back_for_less_and_a_stuck_valve_for_more() -> None:
+    seen = {"compressor_speed": 1000.0}
+    hold_s = Limits().hold_unsure_s + 0.2
+    assert Story().tell(hold_s, condenser_pressure_sensor=995.0, **seen) == (True, "compressor_speed")
+    assert Story().tell(hold_s, valve_stuck=995.0, **seen) == (True, "unknown")
+
+
 def test_inconsistent_innovations_are_unknown_and_end_when_they_do() -> None:
     story = Story()
     assert story.tell(Limits().undecided_s + 0.2, nis=9.0) == (True, "unknown")

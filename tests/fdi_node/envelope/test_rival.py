@@ -9,6 +9,7 @@ import pytest
 from ac_common.units import KPA, RPM
 from fdi_node.envelope import EnvelopeDetector, Limits
 from fdi_node.envelope.isolation import Isolation
+from fdi_node.envelope.memory import LARGEST
 from tests.fdi_node.envelope.loops import Loop, design
 
 FAULTS = {
@@ -87,3 +88,23 @@ def test_after_a_gap_nothing_is_compared() -> None:
     loop.detector.begin_anew()
     assert isolation_of(loop).rival is None
     assert len(isolation_of(loop).faults) == 1
+
+
+def test_what_neither_explains_is_unknown() -> None:
+    isolation = isolation_of(with_a_rival("compressor_speed"))
+    assert isolation.rival is not None
+    isolation.rival.evidence, isolation.rival.memory.scalars[LARGEST] = -math.inf, 2.0 * Limits().likely
+    assert isolation.compare(100.0)
+    assert isolation.faults[-1].name == "unknown"
+    assert isolation.rival is None
+
+
+def test_a_name_that_changes_again_and_again_is_unknown() -> None:
+    loop, names = with_a_rival("compressor_speed"), []
+    for _ in range(3):
+        rival = isolation_of(loop).rival
+        assert rival is not None
+        rival.evidence = -math.inf
+        names.append(loop.step(**FAULTS["compressor_speed"]).isolated)
+        rival.evidence = 0.0
+    assert names == ["evaporator_pressure", "compressor_speed", "unknown"]
