@@ -113,7 +113,7 @@ def make_phi(k: Work, h: float) -> None:
 
 
 @jit
-def _remainder(k: Work, after: float, d: Array, out: Array, par: Array, tab: Tables) -> int:
+def remainder(k: Work, after: float, d: Array, out: Array, par: Array, tab: Tables) -> int:
     """``N = f(y0 + d) - f0 - J d`` in `out`, `after` seconds into the step; 0, or 1 when there is no f."""
     for i in range(N_STATES):
         k.trial[i] = k.y0[i] + d[i]
@@ -124,6 +124,15 @@ def _remainder(k: Work, after: float, d: Array, out: Array, par: Array, tab: Tab
             v -= k.jac[i, j] * d[j]
         out[i] = v
     return failed
+
+
+@jit
+def as_parabola(a: Array, b: Array) -> None:
+    """Make of N at the end (`a`) and in the middle (`b`) of a step the coefficients of ``a t/h + b (t/h)^2``."""
+    for i in range(N_STATES):
+        end = a[i]
+        b[i] = 2.0 * end - 4.0 * b[i]
+        a[i] = end - b[i]
 
 
 @jit
@@ -160,19 +169,16 @@ def exponential_step(k: Work, h: float, par: Array, tab: Tables) -> bool:
             for j in range(N_STATES):
                 v += k.phi[PHI_HALF, i, j] * k.f0[j]
             d[i] = 0.5 * h * v
-        ok = _remainder(k, 0.5 * h, d, b, par, tab) == 0
+        ok = remainder(k, 0.5 * h, d, b, par, tab) == 0
         if ok:
             for i in range(N_STATES):
                 v = 0.0
                 for j in range(N_STATES):
                     v += k.phi[PHI_1, i, j] * k.f0[j] + 2.0 * k.phi[PHI_2, i, j] * b[j]
                 d[i] = h * v
-            ok = _remainder(k, h, d, a, par, tab) == 0
+            ok = remainder(k, h, d, a, par, tab) == 0
         if ok:
-            for i in range(N_STATES):
-                end = a[i]
-                b[i] = 2.0 * end - 4.0 * b[i]
-                a[i] = end - b[i]
+            as_parabola(a, b)
             error = exponential_state(k, 1.0, h, k.y1)
             if error <= MAX_PHI_ERROR and rates_of(k, memory[T_LAST] + h, k.y1, k.f1, par, tab) == 0:
                 memory[H_LAST], memory[EXPONENTIAL] = h, 1.0

@@ -39,7 +39,7 @@ Signal = Sequence[float] | Vector
 _AIR, _CONDENSER_AIR_C = INPUT["air_mass_flow"], INPUT["condenser_air_inlet_temperature"]
 LEAST_PRESSURE_PA = 1.0e4
 JACOBIAN_S = 2.0
-"""A Jacobian is renewed after this time at the latest."""
+"""A Jacobian is renewed after this time at the latest, or after twice of it where it is good."""
 CAREFUL = 100.0
 """How much larger the readings' standard deviations are taken at first where the plant's parameters are estimated. A
 linearised filter that trusts them at once takes what is nonlinear in the first, large corrections for knowledge of the

@@ -20,6 +20,7 @@ import numpy as np
 
 from ac_plant_node.dynamics.balances import N_STATES, REGIME_E, X
 from ac_plant_node.dynamics.drive import OPENING, SPEED
+from ac_plant_node.dynamics.exponential import MAX_PHI_ERROR
 from ac_plant_node.dynamics.workspace import CHARGE, Work, views
 from ac_plant_node.parameters.values import INDEX
 from ac_plant_node.properties.tables import Tables
@@ -78,6 +79,9 @@ SHORT_Q = np.array([0.0, 50.0, 3.0e3, 0.1, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.
 """and intensities of noise of U_e, h_e2, T_ew, D_e."""
 MOVED_ZETA, MOVED_SPEED, MOVED_OPENING, REST = 0.03, 0.2, 0.05, 5
 """Changes of zone length, speed (logarithm) and opening that renew the Jacobian, after this many ticks at least."""
+AGING = 0.1
+"""A Jacobian of `REST` or more grows old half as fast in a tick whose remainder is below this part of what a step may
+be off by."""
 SURPRISING = 3.0
 """An innovation of this many standard deviations does so, too: what has moved may be none of these."""
 CAUTION_S = 15.0
@@ -115,7 +119,6 @@ def _renew_when_due(m: Memory, k: Work, rules: Rules, told: Array, tab: Tables) 
             if j < N_STATES or int(rules.rows[j - N_STATES, PLACE]) != READING:
                 m.C[1, j] += slope * m.C[0, j]
         scalars[AGE], scalars[ZETA_THEN], scalars[SPEED_THEN], scalars[OPENING_THEN] = 0.0, zeta, speed, told[OPENING]
-    scalars[AGE] += 1.0
     scalars[DOUBT] = 1.0 if k.aux[REGIME_E] != 0.0 else max(0.0, 1.0 - (1.0 - zeta) / SHORT_ZONE)
 
 
@@ -265,12 +268,15 @@ def go_on_to_next(m: Memory, k: Work, rules: Rules, told: Array, tab: Tables) ->
     apply(m.x, rules.rows, told, rules.nominal, m.par, m.held)
     for i in range(N_STATES):
         m.now[i] = k.y[i]
-    status = go_on(k, m.work, m.par, tab, m.held, h, m.C, m.out)
-    if status != 0:
+    left = go_on(k, m.work, m.par, tab, m.held, h, m.C, m.out)
+    if np.isnan(left):
         m.scalars[LOST] += 1.0
         for i in range(N_STATES):
             k.y[i] = m.now[i] = m.before[i]
-        status = go_on(k, m.work, m.par, tab, m.held, h, m.C, m.out)
+        left = go_on(k, m.work, m.par, tab, m.held, h, m.C, m.out)
+    status = int(np.isnan(left))
+    is_good = left <= AGING * MAX_PHI_ERROR and m.scalars[AGE] >= REST
+    m.scalars[AGE] += 0.5 if is_good else 1.0
     propagate_covariance(m, k.y, rules, _uncertain(m, rules))
     jumps.propagate(m, rules, told[OPENING])
     for r in range(N_READINGS):
@@ -285,11 +291,11 @@ def propagate_covariance(m: Memory, y: Array, rules: Rules, n: int) -> None:
     P, F, h, size = m.P, m.F, rules.constants[0], m.P.shape[0]
     M, FT, D = np.empty((N_STATES, size)), np.empty((size, N_STATES)), np.empty((N_STATES, N_STATES))
     columns = terms(rules.rows, P, False)
-    multiply(F, P, columns, M)
+    multiply(F, P, columns, n, M)
     for k in columns:
         for i in range(N_STATES):
             FT[k, i] = F[i, k]
-    multiply(M, FT, columns, D)
+    multiply(M, FT, columns, N_STATES, D)
     for i in range(N_STATES):
         for j in range(i + 1):
             P[i, j] = P[j, i] = D[i, j]

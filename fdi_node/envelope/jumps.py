@@ -199,7 +199,7 @@ def propagate(m: Memory, rules: Rules, opening: float) -> None:
             for window in range(N_WINDOWS):
                 m.V[N_STATES + at, window * q + h] = (m.opening[window] - opening) / rules.rows[at, SCALE]
     D = np.empty((N_STATES, w))
-    multiply(m.F, m.V, terms(rules.rows, m.P, True), D)
+    multiply(m.F, m.V, terms(rules.rows, m.P, True), w, D)
     for i in range(N_STATES):
         for j in range(w):
             m.V[i, j] = D[i, j]

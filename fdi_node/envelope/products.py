@@ -38,9 +38,8 @@ def terms(rows: Array, P: Array, all_of_them: bool) -> Columns:
 
 
 @jit
-def multiply(F: Array, V: Array, columns: Columns, D: Array) -> None:
-    """Work out the rows of states of `D` (12, w) = F V; `columns` of F and rows of V from `terms`."""
-    w = V.shape[1]
+def multiply(F: Array, V: Array, columns: Columns, w: int, D: Array) -> None:
+    """Work out the first `w` columns of `D` (12, .) = F V; `columns` of F and rows of V from `terms`."""
     for i in range(0, N_STATES, 3):
         for j in range(w):
             D[i, j] = D[i + 1, j] = D[i + 2, j] = 0.0
