@@ -43,6 +43,7 @@ from fdi_node.envelope.memory import LARGEST, N_ONSETS, NIS, TICKS, memory_of, r
 from fdi_node.envelope.quiet import HIGHEST, IS_THERE, LOWEST, NAMED, SETTLE_S, is_quiet
 from fdi_node.envelope.unknowns import NATURAL, UNKNOWNS, Unknown
 
+COMPRESSOR, PRESSURE = range(NAMED)
 _BEYOND = ("beyond_n", "beyond_p")
 
 
@@ -211,13 +212,13 @@ class EnvelopeDecision:
         if since.likely == NOT:
             since.likely = time_s
         waited_s = 0.0 if self.isolated or self.isolation.is_open else time_s - since.likely
-        if not lead > limits.lead(best, waited_s):
+        if not lead > limits.lead(best, waited_s, unknown == PRESSURE):
             since.ahead = NOT
         elif unknown != since.leader or since.ahead == NOT:
             since.leader, since.ahead = unknown, time_s
         onset_s = time_s - float(self._memory.age[int(self._memory.best[top])]) * self._h
         since.certain = min(since.certain, time_s) if here > limits.certain else NOT
-        is_plain = here > limits.plain and unknown == 0 and not grows and lead > limits.lead(best, 0.0)
+        is_plain = here > limits.plain and unknown == COMPRESSOR and not grows and lead > limits.lead(best, 0.0, False)
         hold_s = limits.hold_growing_s if grows else limits.hold_s if is_plain else limits.hold_unsure_s
         at_once = self._stands_out(ratios)
         waits = not is_plain and onset_s >= since.natural - N_ONSETS * self._h

@@ -21,9 +21,10 @@ class Limits:
         faults are rarer, and a small one of the condenser pressure's sensor looks like one of the compressor.
     stuck : float
         A stuck valve counts so many times what it does, because when that began is only known to a window.
-    patience_s : float
+    patience_s, ahead_sensor : float
         A first fault that is not certain needs less of a lead the longer it has been likely, in proportion to time, and
-        none after this: who waits on learns little more of which fault it is.
+        none after the first: who waits on learns little more of which fault it is. One of the pressure's sensor always
+        needs the second: if that is wrong K0 holds another pressure, and a wrong fault of the compressor does no harm.
     at_once, at_once_share, at_once_share_open, at_once_s : float
         A named fault that is ahead by this much, and by this share of its own ratio (the second where the plant's
         parameters are estimated), and has begun no longer ago than the last, is isolated in the same tick: a reading
@@ -75,6 +76,7 @@ class Limits:
     rarer: float = 10.0
     stuck: float = 1.1
     patience_s: float = 45.0
+    ahead_sensor: float = 3.0
     at_once: float = 60.0
     at_once_share: float = 0.25
     at_once_share_open: float = 0.6
@@ -104,9 +106,9 @@ class Limits:
     better: float = 10.0
     settled: float = 100.0
 
-    def lead(self, ratio: float, waited_s: float) -> float:
+    def lead(self, ratio: float, waited_s: float, is_sensor: bool) -> float:
         """Return by how much an explanation with this ratio must be ahead after it has been waited for."""
         needed = max(self.ahead, self.ahead_share * ratio)
         if ratio > self.certain:
             return needed
-        return max(0.0, 1.0 - waited_s / self.patience_s) * needed
+        return max(self.ahead_sensor if is_sensor else 0.0, (1.0 - waited_s / self.patience_s) * needed)

@@ -73,6 +73,14 @@ def test_a_small_fault_needs_less_of_a_lead_the_longer_it_takes_and_one_that_is_
     assert Story().tell(half + Limits().hold_unsure_s + 0.5, **large) == (True, None)
 
 
+def test_after_a_while_any_lead_is_enough_but_not_for_the_sensor() -> None:
+    lead, wait_s = 0.5 * Limits().ahead_sensor, Limits().patience_s + Limits().hold_unsure_s
+    seen = {"compressor_speed": 200.0, "evaporator_pressure": 200.0 - lead}
+    assert Story().tell(wait_s, **seen) == (True, "compressor_speed")
+    seen = {"compressor_speed": 200.0 - lead, "evaporator_pressure": 200.0}
+    assert Story().tell(wait_s, **seen) == (False, None)
+
+
 def test_a_jump_of_an_air_flow_is_no_fault() -> None:
     story = Story()
     assert story.tell(1.0, evaporator_air_flow=500.0, compressor_speed=400.0) == (False, None)
