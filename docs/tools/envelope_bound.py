@@ -1,4 +1,4 @@
-"""How well a small fault of the pressure sensor can be told from one of the compressor at best, along random drives.
+"""How well small faults of the pressure sensor and of the compressor can be told apart at best, along random drives.
 
     python -m docs.tools.envelope_bound 10050 14
 
@@ -7,6 +7,8 @@ sensor or whatever fault of the compressor looks most alike, would compare two k
 and `G_p` what either fault does to the innovations and S their covariance,
 
     J = 0.4 kPa^2 (S_pp - S_Np^2 / S_NN),   S_ij = sum over ticks of G_i' S^-1 G_j
+
+(and the same for 6 rpm of the compressor with N and p the other way round)
 
 is the deflection of their likelihood ratio (Kay, Fundamentals of Statistical Signal Processing II, 1998, ch. 4), and
 ``Phi(sqrt(J) / 2)`` the probability that it says the right name. No detector on the same observer has a higher one.
@@ -27,7 +29,8 @@ from fdi_node.envelope import EnvelopeDesign, EnvelopeDetector
 from fdi_node.envelope.filter import SHORT_R
 from fdi_node.envelope.memory import DOUBT
 
-SIZE_PA, ONSET_S, WITHIN_S = 0.4 * KPA, 900.0, 60.0
+SIZES, ONSET_S, WITHIN_S = (6.0 * RPM, 0.4 * KPA), 900.0, 60.0
+"""The faults: f_N [rad/s] and f_p [Pa]."""
 _READ = (
     "measured/evaporator_pressure", "measured/superheat", "measured/wall_temperature", "measured/condenser_pressure",
     "measured/air_inlet_temperature", "measured/condenser_air_inlet_temperature",
@@ -63,9 +66,10 @@ def information(design: EnvelopeDesign, ticks: NDArray[np.float64], onset: int) 
     return np.asarray(found / np.outer(scales, scales))
 
 
-def deflection(S: NDArray[np.float64]) -> tuple[float, float]:
-    """Return J, and the size [rad/s] of the fault of the compressor that looks most like `SIZE_PA`."""
-    return SIZE_PA**2 * float(S[1, 1] - S[0, 1] ** 2 / S[0, 0]), SIZE_PA * float(S[0, 1] / S[0, 0])
+def deflection(S: NDArray[np.float64], fault: int) -> tuple[float, float]:
+    """Return J of f_N or f_p (0, 1) of its size in `SIZES`, and the size of the other that looks most like it."""
+    size, other = SIZES[fault], 1 - fault
+    return size**2 * float(S[fault, fault] - S[0, 1] ** 2 / S[other, other]), size * float(S[0, 1] / S[other, other])
 
 
 def main() -> None:
@@ -74,19 +78,22 @@ def main() -> None:
     parser.add_argument("first", type=int)
     parser.add_argument("count", type=int)
     given = parser.parse_args()
-    right = []
+    right: list[list[float]] = []
     for seed in range(given.first, given.first + given.count):
         drive = load(f"drive:{seed}", [f"duration_s={ONSET_S + WITHIN_S:g}"])
         designs = designs_of(drive)
         assert isinstance(designs.fdi, EnvelopeDesign)
         run = simulate(drive, True, designs=designs)
         ticks = np.column_stack([run.series[key] for key in _READ])
-        J, like = deflection(information(designs.fdi, ticks, round(ONSET_S / drive.sample_time_s)))
-        right.append(float(norm.cdf(np.sqrt(J) / 2.0)))
-        print(
-            f"{drive.name}: J {J:.1f}, like {like / RPM:+.1f} rpm, right with probability {right[-1]:.4f}", flush=True
-        )
-    print(f"mean {np.mean(right):.4f}, least {min(right):.4f}")
+        S = information(designs.fdi, ticks, round(ONSET_S / drive.sample_time_s))
+        (J_n, like_n), (J_p, like_p) = (deflection(S, fault) for fault in range(2))
+        right.append(norm.cdf(np.sqrt([J_n, J_p]) / 2.0).tolist())
+        for name, J, like, probable in (
+            ("6 rpm", J_n, f"{like_n / KPA:+.2f} kPa", right[-1][0]),
+            ("0.4 kPa", J_p, f"{like_p / RPM:+.1f} rpm", right[-1][1]),
+        ):
+            print(f"{drive.name}: {name}: J {J:.1f}, like {like}, right with probability {probable:.4f}", flush=True)
+    print(f"mean {np.mean(right, axis=0).round(4)}, least {np.min(right, axis=0).round(4)}")
 
 
 if __name__ == "__main__":

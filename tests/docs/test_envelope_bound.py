@@ -3,19 +3,21 @@
 import numpy as np
 import pytest
 
-from ac_common.units import RPM
-from docs.tools.envelope_bound import SIZE_PA, deflection, information
+from ac_common.units import KPA, RPM
+from docs.tools.envelope_bound import SIZES, deflection, information
 from tests.fdi_node.envelope.loops import NOISE, H, Loop, design
 
 
 def test_signals_that_do_not_overlap_are_told_by_all_of_their_energy() -> None:
-    assert deflection(np.diag([4.0, 9.0])) == (9.0 * SIZE_PA**2, 0.0)
+    for fault, energy in enumerate((4.0, 9.0)):
+        assert deflection(np.diag([4.0, 9.0]), fault) == (energy * SIZES[fault] ** 2, 0.0)
 
 
 def test_signals_that_are_alike_cannot_be_told() -> None:
-    separation, like = deflection(np.outer([2.0, 3.0], [2.0, 3.0]))
-    assert separation == pytest.approx(0.0, abs=1e-6)
-    assert like == pytest.approx(1.5 * SIZE_PA)
+    for fault, share in enumerate((2.0 / 3.0, 1.5)):
+        separation, like = deflection(np.outer([2.0, 3.0], [2.0, 3.0]), fault)
+        assert separation == pytest.approx(0.0, abs=1e-6)
+        assert like == pytest.approx(share * SIZES[fault])
 
 
 def test_in_the_first_tick_a_jump_of_the_reading_is_in_the_reading() -> None:
@@ -27,5 +29,7 @@ def test_in_the_first_tick_a_jump_of_the_reading_is_in_the_reading() -> None:
     assert one[0, 0] == 0.0
     assert 0.5 < NOISE[0] * np.sqrt(one[1, 1]) <= 1.0
     assert np.linalg.eigvalsh(ten - one).min() >= 0.0
-    assert 0.0 < deflection(ten)[0] < SIZE_PA**2 * ten[1, 1]
-    assert abs(deflection(ten)[1]) < 40.0 * RPM
+    for fault, largest in enumerate((5.0 * KPA, 40.0 * RPM)):
+        separation, like = deflection(ten, fault)
+        assert 0.0 < separation < SIZES[fault] ** 2 * ten[fault, fault]
+        assert abs(like) < largest
