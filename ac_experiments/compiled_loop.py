@@ -64,7 +64,7 @@ class CompiledLoop(Loop):
         plant, detector, compensator, controller = self._plant, self._detector, self._compensator, self._controller
         plan, ticks, k0 = self.schedule, len(self.made), controller.limited.k0
         sizes = components_of_all(plan.faults)
-        if self._reads_air or self._injector.is_derived or plan.stuck.any() or sizes[:, _OF_THE_VALVE].any():
+        if self._reads_air or self._injector.is_derived or plan.stuck.any():
             return None
         if not (isinstance(plant, Plant) and isinstance(detector, EnvelopeDetector)):
             return None
@@ -72,7 +72,7 @@ class CompiledLoop(Loop):
             return None
         self.made[:, FAULTS:] = np.hstack([sizes, plan.faults[:, [KINDS.index(fault.kind) for fault in STICKING]]])
         changes = np.zeros(ticks)
-        changes[1:] = (sizes[1:] != sizes[:-1]).any(axis=1)
+        changes[1:] = (sizes[1:] != sizes[:-1]).any(axis=1) | sizes[1:, _OF_THE_VALVE].any(axis=1)
         self._observer, self._air, references = detector, np.zeros(2), controller.references
         shared = (
             *(self._sample_time_s, controller.within, references.constants, *detector.compiled),

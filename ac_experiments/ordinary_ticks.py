@@ -119,7 +119,7 @@ def ordinary_ticks(
     inlets : (2,) array
         Air at both inlets as it is.
     noise, references, faults, changes, air : (K, .) arrays
-        By tick; `changes` (K,): whether components of the plant do.
+        By tick; `changes` (K,): whether components of the plant do, or its valve is faulty.
     made, found, said : (K, .) arrays
         Results by tick: as `Loop.made`; thresholds; 1 for a limit of the compensator, 2 for withdrawn; sum of bounds.
     """

@@ -192,7 +192,7 @@ class Plant:
         """Step with a valve that is stuck or slow: the opening held is where it is, not where it is told to be."""
         if not np.isfinite(told).all():
             raise ValueError(_FINITE)
-        self._told = told
+        self._told[:] = told
         held, (stuck, time_constant_s) = told.copy(), actuator
         holds, command = max(math.ceil(duration_s / LONGEST_STEP_S - 1e-9), 1), min(max(float(told[OPENING]), 0.0), 1.0)
         if stuck:

@@ -19,6 +19,8 @@ PRESSURE = {"kind": "evaporator_pressure", "size_kpa": 5.0, "onset_s": 90.0}
 SUPERHEAT = {"kind": "superheat_sensor", "size_k": 3.0, "onset_s": 60.0}
 COMPONENT = {"kind": "condenser_fouling", "size_percent": 50.0, "onset_s": 30.0, "end_s": 60.0}
 INLET = {"kind": "air_inlet_sensor", "size_k": 4.0, "onset_s": 60.0, "end_s": 70.0}
+SLOW = {"kind": "valve_slow", "size_s": 5.0, "onset_s": 20.0, "end_s": 40.0}
+STUCK = {"kind": "valve_stuck", "size_percent": 100.0, "onset_s": 60.0, "end_s": 90.0}
 DRY_AIR = {"air": {"inlet_temperature_k": [{"at_s": 0.0, "to": -5.0, "ramp_s": 30.0}]}}
 HIGHER = {"references": {"superheat_k": [{"at_s": 30.0, "to": 8.0}]}}
 CASES = {
@@ -28,6 +30,7 @@ CASES = {
     "no name": {"faults": [SUPERHEAT, PRESSURE]},
     "too dry": {"operating_point": "low", **DRY_AIR, **HIGHER},
     "protected": {"air": {"mass_flow_percent": [{"at_s": 30.0, "to": -85.0}, {"at_s": 60.0, "to": 0.0}]}},
+    "valve": {"faults": [SLOW, STUCK]},
     "passive": {"passive": True, "faults": [PRESSURE]},
 }
 DIAGNOSED = {key for key in SERIES if key.startswith(("fdi/", "compensator/"))}
@@ -73,7 +76,6 @@ def test_without_detector_k0_alone_does_what_it_does_with_one(name):
 @pytest.mark.parametrize(
     "change",
     [
-        {"faults": [{"kind": "valve_slow", "size_s": 5.0, "onset_s": 1.0}]},
         {"faults": [{"kind": "superheat_sensor", "profile": "stuck", "onset_s": 1.0}]},
         {"superheat_sensor": "derived"},
     ],
