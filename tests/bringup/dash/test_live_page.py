@@ -193,11 +193,11 @@ def kill(page: Page, module: str) -> None:
 
 def test_the_load_moves_with_a_click_without_a_false_alarm_and_reset_puts_all_back(page: Page) -> None:
     rest = rest_at("med")["outputs"]
+    until(lambda: newest(page, "t") > back_s[-1] + SETTLED_S, "the loop stands still")
     click(page, "traffic")
     expect(page.locator(".said")).to_contain_text("blower +30 %; air inlet +5 K")
     until(lambda: newest(page, "condenser_inlet") > 37.9, "the load stays")
     is_out(page, "detected")
-    until(lambda: newest(page, "t") > back_s[-1] + SETTLED_S, "the loop stands still")
     click(page, "Inject f_p")
     until(lambda: newest(page, "f_p") == 5.0, "no fault")
     is_lit(page, "isolated_f_p")
