@@ -192,7 +192,10 @@ class Isolation:
         if any(not -1 <= int(one.unknown) < len(self._unknowns) for one in faults):
             raise ValueError("an isolated fault that is none of the unknowns")
         if state["rival"] is not None:
-            rival = Rival(self._flat, self._packed, int(state["rival"]["unknown"]))
+            unknown = int(state["rival"]["unknown"])
+            if unknown not in range(NAMED):
+                raise ValueError("a rival whose fault has no name")
+            rival = Rival(self._flat, self._packed, unknown)
             rival.restore(state["rival"])
         self.faults[:], self.is_open, self.rival = faults, bool(state["is_open"]), rival
         self._set_drifts()
