@@ -10,7 +10,7 @@ VALVE = next(one for one in PARAMETERS if one.name == "valve_discharge_coefficie
 
 @pytest.mark.parametrize("point", ["med"])
 def test_q_comes_back_through_what_the_model_does_not_know(point: str) -> None:
-    known, off, far_off = (feedback(point, one, 300, 600).radius for one in (None, VALVE, VALVE._replace(scale=0.08)))
+    known, off, far_off = (feedback(point, one).radius for one in (None, VALVE, VALVE._replace(scale=0.08)))
     assert known < 0.02
     assert known < off < 0.2
     assert off < far_off
