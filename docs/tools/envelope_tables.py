@@ -39,8 +39,9 @@ def healthy_words(runs: Runs) -> str:
     """Return what fault-free runs and the time before the onsets show."""
     alarms, fault_free = false_alarms(runs), runs.where(runs["fault_kind"] == NO_FAULT)
     rate = alarms["per_hour"]
+    some = "1 false alarm" if alarms["count"] == 1 else f"{alarms['count']} false alarms"
     words = (
-        f"{alarms['count']} false alarms in {alarms['hours']:.1f} h without a fault: {rate.value:.3g} an hour "
+        f"{some} in {alarms['hours']:.1f} h without a fault: {rate.value:.3g} an hour "
         f"({rate.low:.2g} to {rate.high:.2g}, 95 %, Poisson)."
     )
     if len(fault_free):
