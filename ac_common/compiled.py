@@ -102,7 +102,10 @@ class _Step:
 
 @cache
 def _numba() -> Any:
-    """Load numba without scipy's linear algebra: no function here uses it, and it is a fifth of a plant's start."""
+    """Load numba without scipy's linear algebra, a fifth of a plant's start.
+
+    No function here needs it, and those of others, with `a @ b` or `np.linalg`, load it when they are compiled.
+    """
     wanted = "scipy.linalg.cython_blas"
     is_there = wanted in sys.modules
     if not is_there:

@@ -8,10 +8,9 @@ and `G_p` what either fault does to the innovations and S their covariance,
 
     J = 0.4 kPa^2 (S_pp - S_Np^2 / S_NN),   S_ij = sum over ticks of G_i' S^-1 G_j
 
-(and the same for 6 rpm of the compressor with N and p the other way round)
-
 is the deflection of their likelihood ratio (Kay, Fundamentals of Statistical Signal Processing II, 1998, ch. 4), and
-``Phi(sqrt(J) / 2)`` the probability that it says the right name. No detector on the same observer has a higher one.
+``Phi(sqrt(J) / 2)`` the probability that it says the right name. No detector on the same observer has a higher one. For
+6 rpm of the compressor it is the same with N and p the other way round.
 """
 
 import argparse
