@@ -83,6 +83,13 @@ def test_one_that_takes_its_place_compares_on() -> None:
     assert (twin.rival.rules.Q == isolation.rival.rules.Q).all()
 
 
+def test_one_whose_fault_has_no_name_is_refused() -> None:
+    state = with_a_rival("compressor_speed").detector.state()
+    state["decision"]["isolation"]["rival"]["unknown"] = 2
+    with pytest.raises(ValueError, match="no name"):
+        EnvelopeDetector(design()).restore(state)
+
+
 def test_after_a_gap_nothing_is_compared() -> None:
     loop = with_a_rival("compressor_speed")
     loop.detector.begin_anew()
