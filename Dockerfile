@@ -1,6 +1,6 @@
 # docker build -t acftc .
 # docker run --rm -v "$PWD/results:/home/acftc/acftc/results" acftc acftc run on_the_road --out results/run --force
-# docker run --rm acftc pytest -n 3
+# docker run --rm acftc pytest -n 2
 FROM python:3.12-slim-bookworm
 RUN useradd --create-home acftc
 USER acftc

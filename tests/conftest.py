@@ -33,7 +33,7 @@ settings.load_profile("here")
 
 @pytest.hookimpl(tryfirst=True)  # before pytest-xdist looks for groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """With `-n 3` graphs on the wall clock go one after the other, all other graphs likewise, the rest by files.
+    """With `-n 2` graphs on the wall clock go one after the other, all other graphs likewise, the rest by files.
 
     `quick` are all tests that start no graph and take no time, so that `pytest -m quick` does not, either.
     """

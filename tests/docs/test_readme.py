@@ -31,7 +31,7 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").r
 def test_readme_has_the_two_commands_first() -> None:
     assert COMMANDS[:2] == [
         "python3 start.py acftc run on_the_road --out results/on_the_road --force",
-        "python3 start.py pytest -n 3",
+        "python3 start.py pytest -n 2",
     ]
 
 
