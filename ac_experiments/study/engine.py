@@ -336,7 +336,7 @@ class _Dealer:
         """Return what `play_batch` has returned."""
         from distributed.scheduler import KilledWorker
 
-        if future.status in ("cancelled", "lost"):
+        if future.status == "cancelled":  # one that is lost, with its worker, is played again
             msg = _GONE
             raise RunError(msg)
         try:

@@ -4,8 +4,10 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pyarrow.parquet as pq
@@ -13,6 +15,7 @@ import pytest
 from distributed import LocalCluster
 
 from ac_common.errors import RunError, UserError
+from ac_experiments.study import engine
 from ac_experiments.study.engine import run_study
 from ac_experiments.study.results import RUNS, Store
 from ac_experiments.study.schema import load_study
@@ -127,6 +130,30 @@ def test_a_killed_workers_batch_is_run_again(file: Path, out: Path, undisturbed:
         workers_of(process)[0].kill()
     _, said = process.communicate(timeout=200)
     assert process.returncode == 0, said
+    assert (out / RUNS).read_bytes() == undisturbed
+
+
+def test_a_result_that_dies_with_its_worker_is_played_again(
+    file: Path, out: Path, undisturbed: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The worker is killed after a batch has come back, and before the client has asked what it returned."""
+    next_of, killed = engine._Dealer._next, []
+
+    def next_and_kill(dealer: engine._Dealer) -> Any:
+        future = next_of(dealer)
+        if future is not None and not killed:
+            (worker,) = dealer._client.who_has([future])[future.key]
+            killed.append(dealer._client.run(os.getpid, workers=[worker])[worker])
+            os.kill(killed[0], signal.SIGKILL)
+            deadline = time.monotonic() + 60.0
+            while future.status != "lost":
+                assert time.monotonic() < deadline
+                time.sleep(0.001)
+        return future
+
+    monkeypatch.setattr(engine._Dealer, "_next", next_and_kill)
+    run_study(load_study(file), Store(str(out)), workers=2)
+    assert killed
     assert (out / RUNS).read_bytes() == undisturbed
 
 
