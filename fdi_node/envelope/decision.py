@@ -183,8 +183,9 @@ class EnvelopeDecision:
         return Conclusion(thresholds, True, last.name, size, last.onset_s, last.isolated_s, also)
 
     def _is_early(self, onset_s: float, time_s: float) -> bool:
-        """Return whether what has begun then would rather be another plant than a fault."""
-        return self._may_open and not self.isolation.is_open and self._time_s - (time_s - onset_s) < self.limits.trust_s
+        """Return whether what has begun then, or made the innovations inconsistent, is rather another plant."""
+        began_s = self._time_s - (time_s - min(onset_s, self.since.inconsistent))
+        return self._may_open and not self.isolation.is_open and began_s < self.limits.trust_s
 
     def _explain(self, time_s: float) -> None:
         """Accept the explanation that is ahead of the others."""

@@ -13,7 +13,7 @@ from ac_plant_node import Plant
 from ac_plant_node.parameters.file import another_plant
 from fdi_node.envelope import EnvelopeDetector, Limits
 from fdi_node.envelope.isolation import Isolated
-from fdi_node.envelope.memory import LARGEST, TICKS
+from fdi_node.envelope.memory import LARGEST, NIS, TICKS
 from fdi_node.envelope.unknowns import PARAMETERS, UNKNOWNS
 from tests.fdi_node.envelope.loops import H, Loop, design
 
@@ -88,6 +88,16 @@ def test_what_would_be_isolated_early_is_another_plant() -> None:
     assert early.decision.doubts
     assert later.isolated() == "compressor_speed"
     assert not later.decision.doubts
+
+
+@pytest.mark.parametrize("early", [True, False])
+def test_what_has_been_inconsistent_since_early_is_another_plant(early: bool) -> None:
+    after_s = 5.0  # that the fault seems to begin after `trust_s`
+    story = Story(Limits().trust_s + after_s)
+    story._m.scalars[NIS] = 2.0 * Limits().inconsistent
+    story.decision.since.inconsistent = 100.0 - after_s + (-1.0 if early else 1.0)
+    assert story.isolated() == (None if early else "compressor_speed")
+    assert story.decision.doubts == early
 
 
 def test_a_plant_that_has_been_trusted_is_not_doubted_when_the_observer_begins_anew() -> None:
