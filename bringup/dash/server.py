@@ -7,7 +7,9 @@ every request, the web socket's included:
 - its Host must be one of this machine's names when the page is bound to this machine alone: a name that somebody else's
   DNS has pointed at 127.0.0.1 gets nothing;
 - its Origin, when it has one, must be the page itself: no other web page can open the socket over which faults go;
-- when the page is bound to more than this machine, it must know the token.
+- when the page is bound to more than this machine, it must know the token;
+- a web socket must be of a page that this server has made: one of an earlier server at this port would speak of objects
+  that do not exist.
 
 No page may put this one into a frame, so nobody can be lured into clicking in it.
 """
@@ -213,6 +215,8 @@ def serve(address: Address, link: Any, problem: Any = lambda: "") -> None:
         logging.getLogger(name).setLevel(logging.ERROR)
     tornado_app = App(
         {"/": Application(FunctionHandler(make_page(link, problem)))},
+        sign_sessions=True,
+        secret_key=secrets.token_bytes(32),
         extra_websocket_origins=["*"],  # the gate has looked at the origin, and more strictly
         transforms=[_headers()],
         websocket_max_message_size_bytes=1 << 20,
@@ -234,6 +238,7 @@ def serve(address: Address, link: Any, problem: Any = lambda: "") -> None:
 
 def _gate(app: Any, door: Door) -> Any:
     """Make the router that stands before `app`."""
+    from bokeh.util.token import check_token_signature
     from tornado.routing import Router
     from tornado.web import Application, RequestHandler
 
@@ -255,11 +260,17 @@ def _gate(app: Any, door: Door) -> Any:
 
     def why(request: Any) -> str:
         cookie = request.cookies.get(door.cookie)
-        return door.refusal(
+        refusal = door.refusal(
             request.headers.get("Host", ""),
             request.headers.get("Origin"),
             (cookie.value if cookie else None, *given(request)),
         )
+        if not refusal and request.path == "/ws" and not is_ours(request.headers.get("Sec-WebSocket-Protocol", "")):
+            return "this page is of an earlier server: load it anew"
+        return refusal
+
+    def is_ours(protocols: str) -> bool:
+        return check_token_signature(protocols.rpartition(",")[2].strip(), app.secret_key, signed=True)
 
     def given(request: Any) -> tuple[str, ...]:
         return tuple(value.decode(errors="replace") for value in request.query_arguments.get("token", []))

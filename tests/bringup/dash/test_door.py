@@ -1,5 +1,6 @@
 """Who is let in to the live page, and who is not."""
 
+import re
 import socket
 import urllib.error
 import urllib.request
@@ -105,8 +106,15 @@ def get(address: Address, path: str = "/", **headers: str) -> tuple[int, str, di
         return refused.code, refused.read().decode(), dict(refused.headers)
 
 
-def handshake(address: Address, **headers: str) -> int:
-    """Status of an attempt to open the socket over which the controls go."""
+def token_in(page: str) -> str:
+    """What a page that has been loaded shows when it opens its socket."""
+    found = re.search(r'"token":"([^"]+)"', page)
+    assert found is not None
+    return found[1]
+
+
+def handshake(address: Address, page: str, **headers: str) -> int:
+    """Status of an attempt of a page to open the socket over which the controls go."""
     with socket.create_connection(("127.0.0.1", address.door.port), timeout=60) as connection:
         fields = {
             "Host": f"127.0.0.1:{address.door.port}",
@@ -114,7 +122,7 @@ def handshake(address: Address, **headers: str) -> int:
             "Connection": "Upgrade",
             "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
             "Sec-WebSocket-Version": "13",
-            "Sec-WebSocket-Protocol": "bokeh, none",
+            "Sec-WebSocket-Protocol": f"bokeh, {token_in(page)}",
             **headers,
         }
         lines = ["GET /ws HTTP/1.1", *(f"{name}: {value}" for name, value in fields.items()), "", ""]
@@ -128,6 +136,7 @@ def test_a_page_for_this_machine_answers_this_machine_only() -> None:
         port = address.door.port
         status, text, headers = get(address)
         assert status == 200
+        page = text
         assert "acftc live" in text
         assert headers["X-Frame-Options"] == "DENY"
         assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
@@ -138,9 +147,19 @@ def test_a_page_for_this_machine_answers_this_machine_only() -> None:
         assert text.startswith("acftc: this page is for this machine alone")
         assert get(address, "/static/js/bokeh.min.js", Host="evil.example")[0] == 403
         assert get(address, "/autoload.js?bokeh-autoload-element=x", Origin="http://evil.example")[0] == 403
-        assert handshake(address, Origin="http://evil.example") == 403
-        assert handshake(address, Origin=f"http://evil.example:{port}", Host=f"evil.example:{port}") == 403
-        assert handshake(address, Origin=f"http://127.0.0.1:{port}") == 101
+        assert handshake(address, page, Origin="http://evil.example") == 403
+        assert handshake(address, page, Origin=f"http://evil.example:{port}", Host=f"evil.example:{port}") == 403
+        assert handshake(address, page, Origin=f"http://127.0.0.1:{port}") == 101
+
+
+@pytest.mark.ros
+def test_a_page_of_an_earlier_server_is_refused() -> None:
+    with serving("127.0.0.1") as earlier:
+        _, stale, _ = get(earlier)
+    with serving("127.0.0.1") as address:
+        _, page, _ = get(address)
+        assert handshake(address, stale) == 403
+        assert handshake(address, page) == 101
 
 
 @pytest.mark.ros
@@ -156,13 +175,14 @@ def test_a_page_for_others_wants_the_token_once() -> None:
         assert headers["Location"] == "/"  # so that it does not stay in the address bar
         cookie = headers["Set-Cookie"].split(";")[0]
         assert {"httponly", "samesite=lax"} <= {part.strip().lower() for part in headers["Set-Cookie"].split(";")}
-        assert get(address, Cookie=cookie)[0] == 200
+        status, page, _ = get(address, Cookie=cookie)
+        assert status == 200
         assert get(address, Cookie=f"{door.cookie}=wrong")[0] == 403
         # A link with another token does not lock out a browser that has the right one.
         status, _, headers = get(address, "/?token=wrong", Cookie=cookie)
         assert (status, headers["Location"]) == (302, "/")
         assert "Set-Cookie" not in headers
         origin = f"http://127.0.0.1:{door.port}"
-        assert handshake(address, Origin=origin) == 403
-        assert handshake(address, Origin=origin, Cookie=cookie) == 101
-        assert handshake(address, Origin="http://evil.example", Cookie=cookie) == 403
+        assert handshake(address, page, Origin=origin) == 403
+        assert handshake(address, page, Origin=origin, Cookie=cookie) == 101
+        assert handshake(address, page, Origin="http://evil.example", Cookie=cookie) == 403
