@@ -56,7 +56,7 @@ def parts() -> Iterator[tuple[Any, tuple[Any, ...]]]:
     yield is_quiet, (flat, design, size, size)
     yield jumps.begin_due, (m, rules, 0)
     yield kalman.innovate, (m, rules, size)
-    yield kalman.correct, (m, rules, size)
+    yield kalman.correct, (m, rules)
     yield jumps.judge, (m, rules)
     yield jumps.propagate, (m, rules, 0.0)
     yield kalman.propagate_covariance, (m, size, rules, 0)

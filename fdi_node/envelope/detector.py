@@ -27,7 +27,18 @@ from fdi_node.detector import Detection
 from fdi_node.envelope import filter as kalman
 from fdi_node.envelope.decision import Conclusion, EnvelopeDecision
 from fdi_node.envelope.limits import Limits
-from fdi_node.envelope.memory import CAUTION, NIS, SLOPE, Memory, Rules, memory_of, new_memory, packed, rules_in
+from fdi_node.envelope.memory import (
+    CAUTION,
+    NIS,
+    SLOPE,
+    Memory,
+    Rules,
+    memory_of,
+    new_memory,
+    packed,
+    remembered,
+    rules_in,
+)
 from fdi_node.envelope.model import ENERGY, N_READINGS, READING_SCALE, STATE_SCALE
 from fdi_node.envelope.rival import Rival
 from fdi_node.envelope.unknowns import PARAMETERS, UNKNOWNS, Unknown, table
@@ -154,7 +165,7 @@ class EnvelopeDetector:
         self.rules = rules_in(self._packed)
         self._tab = load_tables(REFRIGERANTS[int(design.refrigerant)])
         m, q = len(design.first), len(self.rules.jumping)
-        self._flat = new_memory(m, q)
+        self._flat, self._remembered = new_memory(m, q), remembered(m, q)
         self.memory: Memory = memory_of(self._flat, m, q)
         self._told, self._reading = np.zeros(N_HELD), np.zeros(N_READINGS)
         self._begun = False
@@ -322,7 +333,7 @@ class EnvelopeDetector:
     def state(self) -> dict[str, Any]:
         """Return what a detector that takes this one's place needs, fit for JSON (nan, inf); between two ticks."""
         return {
-            "memory": self._flat.tolist(),
+            "memory": self._flat[: self._remembered].tolist(),
             "told": self._told.tolist(),
             "reading": self._reading.tolist(),
             "begun": self._begun,
@@ -338,14 +349,14 @@ class EnvelopeDetector:
             When it is none of a detector of this design.
         """
         try:
-            flat = same_shape(state["memory"], self._flat)
+            flat = same_shape(state["memory"], self._flat[: self._remembered])
             told, reading = same_shape(state["told"], self._told), same_shape(state["reading"], self._reading)
             begun = bool(state["begun"])
             self._decision.restore(state["decision"])
         except (KeyError, TypeError, ValueError) as problem:
             msg = f"not the state of such a detector: {type(problem).__name__} {problem}"
             raise ValueError(msg) from None
-        self._flat[:], self._told[:], self._reading[:], self._begun = flat, told, reading, begun
+        self._flat[: self._remembered], self._told[:], self._reading[:], self._begun = flat, told, reading, begun
 
 
 def _take_outlet_temperature(m: Memory, reading: Vector, pressure_pa: float) -> None:

@@ -40,6 +40,7 @@ from fdi_node.envelope.memory import (
     ZETA_THEN,
     Memory,
     Rules,
+    filled_up,
     memory_of,
     rules_in,
 )
@@ -59,7 +60,7 @@ from fdi_node.envelope.model import (
     is_charge,
     linearise,
 )
-from fdi_node.envelope.products import multiply, subtract, terms
+from fdi_node.envelope.products import combine, multiply, subtract, terms
 from fdi_node.envelope.step import go_on
 from fdi_node.envelope.transition import hold, transition
 
@@ -95,14 +96,13 @@ _CHARGE = INDEX["charge_kg"]
 @jit
 def _renew_when_due(m: Memory, k: Work, rules: Rules, told: Array, tab: Tables) -> None:
     """Renew Jacobians and transition when the plant has moved on, or they are old."""
-    scalars, n = m.scalars, m.P.shape[0]
+    scalars, n, step = m.scalars, m.P.shape[0], m.step
     zeta, speed = k.aux[X], max(told[SPEED], 1.0)
     moved = abs(zeta - scalars[ZETA_THEN]) > MOVED_ZETA or abs(told[OPENING] - scalars[OPENING_THEN]) > MOVED_OPENING
     moved = moved or abs(np.log(speed / max(scalars[SPEED_THEN], 1.0))) > MOVED_SPEED
     for r in range(N_READINGS):
         moved = moved or abs(m.white[r]) > SURPRISING
     if scalars[TICKS] == 0.0 or scalars[AGE] >= rules.constants[1] or (moved and scalars[AGE] >= REST):
-        step = np.empty(n)
         for i in range(n):
             step[i] = max(STEP_SHARE * np.sqrt(max(m.P[i, i], 0.0)), LEAST_STEP)
             if i >= N_STATES and m.P[i, i] < KNOWN_STEP**2:
@@ -110,7 +110,8 @@ def _renew_when_due(m: Memory, k: Work, rules: Rules, told: Array, tab: Tables) 
                 step[i] = 0.0 if known else KNOWN_STEP
         linearise(k, m.x, rules.rows, told, rules.nominal, m.par, tab, step, m.A, m.C)
         if not transition(k, m.A, rules.constants[0], m.F):  # a kink, as seen from afar
-            step[step > 0.0] = KNOWN_STEP
+            for i in range(n):
+                step[i] = KNOWN_STEP if step[i] > 0.0 else 0.0
             linearise(k, m.x, rules.rows, told, rules.nominal, m.par, tab, step, m.A, m.C)
             if not transition(k, m.A, rules.constants[0], m.F):
                 hold(m.F)
@@ -160,15 +161,17 @@ def innovate(m: Memory, rules: Rules, reading: Array) -> None:
 
 
 @jit
-def correct(m: Memory, rules: Rules, dz: Array) -> None:
-    """Work out the correction `dz` (n,), the covariance after it, and what the jumps' windows learn."""
+def correct(m: Memory, rules: Rules) -> None:
+    """Work out the correction `m.dz`, the covariance after it, and what the jumps' windows learn."""
     n = _uncertain(m, rules)
     may_gate, gated, total, readings = m.scalars[GATED] * rules.constants[0] < GATED_S, False, 0.0, 0.0
+    dz, gains, G = m.dz, m.gains, m.G
     for i in range(m.P.shape[0]):
         dz[i] = 0.0
-    gains, G = np.zeros(N_READINGS), jumps.innovations_of(m)
     for r in range(N_READINGS):
-        m.white[r], m.sizes[r] = 0.0, 1.0
+        combine(m.C[r], m.V, G[r])
+    for r in range(N_READINGS):
+        m.white[r], m.sizes[r], gains[r] = 0.0, 1.0, 0.0
         if not rules.R[r] < np.inf:
             continue
         C, K, e = m.C[r], m.PC[r], m.e[r]
@@ -239,16 +242,15 @@ def observe(flat: Array, packed: Array, reading: Array, told: Array, tab: Tables
 @jit
 def take(m: Memory, k: Work, rules: Rules, reading: Array, told: Array, tab: Tables) -> None:
     """Do as `observe`, on the parts of both arrays; `k`: those of the memory's `work`."""
-    dz = np.empty(m.P.shape[0])
     _renew_when_due(m, k, rules, told, tab)
     innovate(m, rules, reading)
     jumps.begin_due(m, rules, int(m.scalars[TICKS]))
     m.scalars[TICKS] += 1.0
-    correct(m, rules, dz)
+    correct(m, rules)
     m.scalars[CAUTION] *= np.exp(-rules.constants[0] / CAUTION_S)
     for i in range(N_STATES):
         m.before[i] = k.y[i]
-    _move(m, k, rules, dz)
+    _move(m, k, rules, m.dz)
     jumps.judge(m, rules)
 
 
@@ -288,14 +290,15 @@ def go_on_to_next(m: Memory, k: Work, rules: Rules, told: Array, tab: Tables) ->
 @jit
 def propagate_covariance(m: Memory, y: Array, rules: Rules, n: int) -> None:
     """P <- F P F' + Q of the first n states, no standard deviation above `MOST_SD`."""
-    P, F, h, size = m.P, m.F, rules.constants[0], m.P.shape[0]
-    M, FT, D = np.empty((N_STATES, size)), np.empty((size, N_STATES)), np.empty((N_STATES, N_STATES))
-    columns = terms(rules.rows, P, False)
-    multiply(F, P, columns, n, M)
-    for k in columns:
+    P, F, h = m.P, m.F, rules.constants[0]
+    M, FT, D, columns = m.FP, m.turned, m.FPF, m.columns
+    count = terms(rules.rows, P, False, columns)
+    multiply(F, P, columns, count, filled_up(n), M)
+    for at in range(count):
+        k = int(columns[at])
         for i in range(N_STATES):
             FT[k, i] = F[i, k]
-    multiply(M, FT, columns, N_STATES, D)
+    multiply(M, FT, columns, count, FT.shape[1], D)
     for i in range(N_STATES):
         for j in range(i + 1):
             P[i, j] = P[j, i] = D[i, j]
@@ -317,9 +320,8 @@ def propagate_covariance(m: Memory, y: Array, rules: Rules, n: int) -> None:
 def accept_jump(flat: Array, rules: Rules, h: int, is_fault: bool) -> None:
     """Take it that the h-th of those that may jump has jumped, as its likeliest beginning says; between two ticks."""
     m = memory_of(flat, rules.rows.shape[0], rules.jumping.shape[0])
-    dz = np.zeros(m.P.shape[0])
-    jumps.accept(m, rules, h, is_fault, dz)
-    _move(m, views(m.work), rules, dz)
+    jumps.accept(m, rules, h, is_fault, m.dz)
+    _move(m, views(m.work), rules, m.dz)
     m.scalars[AGE] = rules.constants[1]  # the Jacobian was that of another state
 
 

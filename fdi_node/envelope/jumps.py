@@ -21,7 +21,7 @@ from ac_plant_node.dynamics.balances import N_STATES
 from ac_plant_node.dynamics.drive import OPENING
 from fdi_node.envelope.compiled import Array, jit
 from fdi_node.envelope.memory import ABRUPT, LARGEST, N_BEGINNINGS, N_ONSETS, N_WINDOWS, TICKS, Memory, Rules
-from fdi_node.envelope.model import N_READINGS, SCALE
+from fdi_node.envelope.model import SCALE
 from fdi_node.envelope.products import multiply, terms
 
 SHORTEST_S, LONGEST_S = 1, 128
@@ -120,7 +120,7 @@ def told_before(m: Memory, rules: Rules, h: int) -> float:
     if ticks > N_ONSETS:
         return largest
     then = m.past[int(m.scalars[TICKS] - ticks) % N_ONSETS]
-    for at in range(m.S.shape[0]):
+    for at in range(N_WINDOWS * q + N_BEGINNINGS - N_WINDOWS):
         other = at % q if at < N_WINDOWS * q else _abrupt(at - N_WINDOWS * (q - 1))
         if other != h:
             ratio = _ratio_of(then[0, at], then[1, at], rules.prior[other], _largest(rules, other))
@@ -165,20 +165,6 @@ def begin_due(m: Memory, rules: Rules, tick: int) -> None:
 
 
 @jit
-def innovations_of(m: Memory) -> Array:
-    """Return G = C V (4, w), what jumps do to the innovations."""
-    n, w = m.V.shape
-    G = np.zeros((N_READINGS, w))
-    for r in range(N_READINGS):
-        for i in range(n):
-            c = m.C[r, i]
-            if c != 0.0:
-                for j in range(w):
-                    G[r, j] += c * m.V[i, j]
-    return G
-
-
-@jit
 def follow(m: Memory, G: Array, e: float, s: float) -> None:
     """Take one reading: what jumps do to its innovation (w,), the innovation e, of variance s."""
     per_variance = 1.0 / s
@@ -198,11 +184,11 @@ def propagate(m: Memory, rules: Rules, opening: float) -> None:
             at = int(rules.jumping[h])
             for window in range(N_WINDOWS):
                 m.V[N_STATES + at, window * q + h] = (m.opening[window] - opening) / rules.rows[at, SCALE]
-    D = np.empty((N_STATES, w))
-    multiply(m.F, m.V, terms(rules.rows, m.P, True), w, D)
+    count = terms(rules.rows, m.P, True, m.columns)
+    multiply(m.F, m.V, m.columns, count, w, m.FV)
     for i in range(N_STATES):
         for j in range(w):
-            m.V[i, j] = D[i, j]
+            m.V[i, j] = m.FV[i, j]
     for h in range(q):
         if rules.growing[h] != 0.0:
             own = N_STATES + int(rules.jumping[h])

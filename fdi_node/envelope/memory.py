@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ac_plant_node.dynamics.balances import N_STATES
 from ac_plant_node.dynamics.workspace import N_WORK
@@ -21,6 +22,8 @@ N_ONSETS = 10
 """Ticks for each of which these jumps are looked for, beside; the likeliest before them is kept."""
 N_BEGINNINGS = N_WINDOWS + len(ABRUPT) * (N_ONSETS + 1)
 N_PARAMETERS = len(NAMES)
+LANES = 8
+"""So many numbers are a line of the cache, and the most that a processor takes at a time."""
 
 TICKS, LOST, AGE, ZETA_THEN, SPEED_THEN, OPENING_THEN, DOUBT, NIS, GATED, LARGEST, SLOPE, CAUTION = range(12)
 """Scalars: ticks observed; corrections that led outside the model's domain and were taken back; ticks since the last
@@ -84,6 +87,13 @@ class Memory(NamedTuple):
     that is kept; `age` (w + 11 a,): ticks of each; `telling`, `opening` (w,): a window's largest ratio, the valve's
     opening when it began; `ratios`, `best` (q,): of each jump the largest ratio, and which beginning it is of; `past`
     (10, 2, w q + 11 a): S and d before each of the last ticks.
+
+    The rest is room: `step`, `dz` (n,): steps of the differences, the correction; `gains` (4,), `G` (4, w q + 11 a):
+    of the readings; `columns`: as `products.terms`; `FP`, `FPF` (12, .), `turned` (n, 12), `FV` (12, w q + 11 a):
+    products and the transition's transpose.
+
+    Each part begins at a multiple of `LANES` numbers, and rows of P, C P, V, S, d and of room are filled up with zeros
+    to such a multiple: loops along them take so many numbers at a time, and none is left over.
     """
 
     work: Array
@@ -112,49 +122,81 @@ class Memory(NamedTuple):
     ratios: Array
     best: Array
     past: Array
+    step: Array
+    dz: Array
+    gains: Array
+    G: Array
+    columns: Array
+    FP: Array
+    FPF: Array
+    turned: Array
+    FV: Array
+
+
+_ROOM = Memory._fields.index("step")
+
+
+@jit
+def filled_up(size: int) -> int:
+    """Return the multiple of `LANES` that is as large as a size, or the next one."""
+    return (size + LANES - 1) // LANES * LANES
+
+
+@jit
+def _layout(m: int, q: int) -> NDArray[np.int64]:
+    """Return where each part of `Memory` begins, and where the last one ends."""
+    n, w, width = N_STATES + m, filled_up(N_STATES + m), filled_up(N_WINDOWS * q + N_BEGINNINGS - N_WINDOWS)
+    sizes = (
+        N_WORK, N_SCALARS, m, N_READINGS, N_STATES, N_STATES, N_PARAMETERS, N_HELD, N_READINGS, N_READINGS, N_READINGS,
+        N_READINGS, n * w, N_STATES * n, N_STATES * n, N_READINGS * n, N_READINGS * w, n * width, width, width,
+        N_BEGINNINGS, N_WINDOWS, N_WINDOWS, q, q, N_ONSETS * 2 * width, n, n, N_READINGS, N_READINGS * width, w,
+        N_STATES * w, N_STATES * filled_up(N_STATES), n * filled_up(N_STATES), N_STATES * width,
+    )  # fmt: skip
+    at = np.zeros(len(sizes) + 1, dtype=np.int64)
+    for i, size in enumerate(sizes):
+        at[i + 1] = at[i] + filled_up(size)
+    return at
 
 
 @jit
 def memory_of(flat: Array, m: int, q: int) -> Memory:
     """Return the parts of the array of an observer with m unknowns of which q may jump."""
-    n, w = N_STATES + m, N_WINDOWS
-    a = N_WORK
-    b = a + N_SCALARS
-    c = b + m
-    e = c + N_READINGS
-    f = e + N_STATES
-    g = f + N_STATES
-    h = g + N_PARAMETERS
-    i = h + N_HELD
-    j = i + N_READINGS
-    k = j + N_READINGS
-    kk = k + N_READINGS
-    o = kk + N_READINGS
-    p = o + n * n
-    r = p + N_STATES * n
-    s = r + N_STATES * n
-    t = s + N_READINGS * n
-    u = t + N_READINGS * n
-    columns = w * q + N_BEGINNINGS - w
-    v = u + n * columns
-    x = v + columns
-    y = x + columns
-    z = y + N_BEGINNINGS
+    n, w, width = N_STATES + m, filled_up(N_STATES + m), filled_up(N_WINDOWS * q + N_BEGINNINGS - N_WINDOWS)
+    at, turned = _layout(m, q), filled_up(N_STATES)
     return Memory(
-        flat[:a], flat[a:b], flat[b:c], flat[c:e], flat[e:f], flat[f:g], flat[g:h], flat[h:i], flat[i:j], flat[j:k],
-        flat[k:kk], flat[kk:o], flat[o:p].reshape(n, n), flat[p:r].reshape(N_STATES, n), flat[r:s].reshape(N_STATES, n),
-        flat[s:t].reshape(N_READINGS, n), flat[t:u].reshape(N_READINGS, n), flat[u:v].reshape(n, columns), flat[v:x],
-        flat[x:y], flat[y:z], flat[z : z + w], flat[z + w : z + 2 * w], flat[z + 2 * w : z + 2 * w + q],
-        flat[z + 2 * w + q : z + 2 * w + 2 * q],
-        flat[z + 2 * w + 2 * q : z + 2 * w + 2 * q + N_ONSETS * 2 * columns].reshape(N_ONSETS, 2, columns),
+        flat[: N_WORK], flat[at[1] : at[1] + N_SCALARS], flat[at[2] : at[2] + m], flat[at[3] : at[3] + N_READINGS],
+        flat[at[4] : at[4] + N_STATES], flat[at[5] : at[5] + N_STATES], flat[at[6] : at[6] + N_PARAMETERS],
+        flat[at[7] : at[7] + N_HELD], flat[at[8] : at[8] + N_READINGS], flat[at[9] : at[9] + N_READINGS],
+        flat[at[10] : at[10] + N_READINGS], flat[at[11] : at[11] + N_READINGS],
+        flat[at[12] : at[12] + n * w].reshape(n, w),
+        flat[at[13] : at[13] + N_STATES * n].reshape(N_STATES, n),
+        flat[at[14] : at[14] + N_STATES * n].reshape(N_STATES, n),
+        flat[at[15] : at[15] + N_READINGS * n].reshape(N_READINGS, n),
+        flat[at[16] : at[17]].reshape(N_READINGS, w), flat[at[17] : at[18]].reshape(n, width),
+        flat[at[18] : at[19]], flat[at[19] : at[20]], flat[at[20] : at[20] + N_BEGINNINGS],
+        flat[at[21] : at[21] + N_WINDOWS], flat[at[22] : at[22] + N_WINDOWS], flat[at[23] : at[23] + q],
+        flat[at[24] : at[24] + q], flat[at[25] : at[26]].reshape(N_ONSETS, 2, width), flat[at[26] : at[26] + n],
+        flat[at[27] : at[27] + n], flat[at[28] : at[28] + N_READINGS], flat[at[29] : at[30]].reshape(N_READINGS, width),
+        flat[at[30] : at[31]], flat[at[31] : at[32]].reshape(N_STATES, w),
+        flat[at[32] : at[33]].reshape(N_STATES, turned), flat[at[33] : at[34]].reshape(n, turned),
+        flat[at[34] : at[35]].reshape(N_STATES, width),
     )  # fmt: skip
 
 
 def new_memory(m: int, q: int) -> Array:
     """Return the array of an observer with m unknowns of which q may jump, all zero."""
-    n, w = N_STATES + m, N_WINDOWS
-    columns = w * q + N_BEGINNINGS - w
-    small = (
-        N_WORK + N_SCALARS + m + 2 * N_STATES + N_PARAMETERS + N_HELD + 5 * N_READINGS + N_BEGINNINGS + 2 * w + 2 * q
-    )
-    return np.zeros(small + n * n + 2 * (N_STATES + N_READINGS) * n + (n + 2 + 2 * N_ONSETS) * columns)
+    return aligned(np.zeros(int(_layout(m, q)[-1])))
+
+
+def remembered(m: int, q: int) -> int:
+    """Return how much of such an array is remembered from tick to tick; the rest is room to work."""
+    return int(_layout(m, q)[_ROOM])
+
+
+def aligned(values: Array) -> Array:
+    """Return a copy of an array that begins where a line of the processor's cache does."""
+    room = np.empty(len(values) + LANES)
+    first = -(room.ctypes.data // room.itemsize) % LANES
+    copy = room[first : first + len(values)]
+    copy[:] = values
+    return copy

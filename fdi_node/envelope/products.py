@@ -4,27 +4,21 @@ The inner loop runs along the rows of an array and takes four terms for three ro
 and stored.
 """
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ac_plant_node.dynamics.balances import N_STATES
 from fdi_node.envelope.compiled import Array, jit
 from fdi_node.envelope.model import ENERGY, PARAMETER, PLACE, READING
 
 _TERMS = 4
-Columns = NDArray[np.int64]
 
 
 @jit
-def terms(rows: Array, P: Array, all_of_them: bool) -> Columns:
-    """Return the columns of the transition that count, as many as is a multiple of four.
+def terms(rows: Array, P: Array, all_of_them: bool, found: Array) -> int:
+    """Find the columns of the transition that count, as many as is a multiple of four; return how many.
 
     Those of readings' errors are zero, and those of what is known exactly (`P`) meet zeros, unless it may jump and
-    `all_of_them` are wanted. They
-    are filled up with `ENERGY`, whose column and row are zero.
+    `all_of_them` are wanted. They are filled up with `ENERGY`, whose column and row are zero.
     """
     n, count = P.shape[0], 0
-    found = np.empty(n + _TERMS, dtype=np.int64)
     for i in range(n):
         counts = i != ENERGY and (i < N_STATES or rows[i - N_STATES, PLACE] != READING)
         may_jump = i < N_STATES or rows[i - N_STATES, PLACE] != PARAMETER
@@ -34,17 +28,17 @@ def terms(rows: Array, P: Array, all_of_them: bool) -> Columns:
     while count % _TERMS != 0:
         found[count] = ENERGY
         count += 1
-    return found[:count]
+    return count
 
 
 @jit
-def multiply(F: Array, V: Array, columns: Columns, w: int, D: Array) -> None:
-    """Work out the first `w` columns of `D` (12, .) = F V; `columns` of F and rows of V from `terms`."""
+def multiply(F: Array, V: Array, columns: Array, count: int, w: int, D: Array) -> None:
+    """Work out the first `w` columns of `D` (12, .) = F V; `columns` of F and rows of V, `count` of them: `terms`."""
     for i in range(0, N_STATES, 3):
         for j in range(w):
             D[i, j] = D[i + 1, j] = D[i + 2, j] = 0.0
-        for at in range(0, columns.shape[0], _TERMS):
-            a, b, c, d = columns[at], columns[at + 1], columns[at + 2], columns[at + 3]
+        for at in range(0, count, _TERMS):
+            a, b, c, d = int(columns[at]), int(columns[at + 1]), int(columns[at + 2]), int(columns[at + 3])
             f, g, h, k = F[i, a], F[i, b], F[i, c], F[i, d]
             p, q, r, s = F[i + 1, a], F[i + 1, b], F[i + 1, c], F[i + 1, d]
             t, x, y, z = F[i + 2, a], F[i + 2, b], F[i + 2, c], F[i + 2, d]
@@ -63,3 +57,20 @@ def subtract(K: Array, gains: Array, G: Array, n: int, V: Array) -> None:
         if a != 0.0 or b != 0.0 or c != 0.0 or d != 0.0:
             for j in range(G.shape[1]):
                 V[i, j] = V[i, j] - a * G[0, j] - b * G[1, j] - c * G[2, j] - d * G[3, j]
+
+
+@jit
+def combine(c: Array, V: Array, g: Array) -> None:
+    """Work out `g` (w,) = c V; c (n,), V (n, w)."""
+    for j in range(g.shape[0]):
+        g[j] = 0.0
+    n = c.shape[0]
+    for i in range(0, n - n % _TERMS, _TERMS):
+        p, q, r, s = c[i], c[i + 1], c[i + 2], c[i + 3]
+        if p != 0.0 or q != 0.0 or r != 0.0 or s != 0.0:
+            for j in range(g.shape[0]):
+                g[j] = g[j] + p * V[i, j] + q * V[i + 1, j] + r * V[i + 2, j] + s * V[i + 3, j]
+    for i in range(n - n % _TERMS, n):
+        if c[i] != 0.0:
+            for j in range(g.shape[0]):
+                g[j] += c[i] * V[i, j]

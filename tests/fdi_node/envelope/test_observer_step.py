@@ -7,9 +7,9 @@ from ac_plant_node.dynamics import integrator
 from ac_plant_node.dynamics.balances import N_STATES
 from ac_plant_node.dynamics.workspace import ERROR_SCALE, N_STEPS, TOLERANCE, views
 from fdi_node.envelope.detector import rules_of
-from fdi_node.envelope.memory import packed, rules_in
+from fdi_node.envelope.memory import Memory, memory_of, new_memory, packed, remembered, rules_in
 from fdi_node.envelope.model import ENERGY, apply
-from fdi_node.envelope.products import multiply, subtract, terms
+from fdi_node.envelope.products import combine, multiply, subtract, terms
 from fdi_node.envelope.step import go_on
 from tests.fdi_node.envelope.loops import NOISE, Loop, design
 
@@ -53,19 +53,40 @@ def test_products_are_those_of_matrices() -> None:
     F, V, P = random.normal(size=(N_STATES, n)), random.normal(size=(n, 83)), np.eye(n)
     F[:, ENERGY] = V[ENERGY] = 0.0
     F[:, N_STATES:][:, rows[:, 0] == 2.0] = 0.0
-    D = np.zeros((N_STATES, 83))
-    columns = terms(rows, P, False)
-    multiply(F, V, columns, 83, D)
+    D, room = np.zeros((N_STATES, 83)), np.zeros(n + 4)
+
+    def counting(all_of_them: bool) -> list[float]:
+        return room[: terms(rows, P, all_of_them, room)].tolist()
+
+    columns = counting(False)
+    multiply(F, V, room, len(columns), 83, D)
     assert pytest.approx(F @ V) == D
     assert len(columns) % 4 == 0
     P[0, 0] = 0.0
-    assert {*columns} - {*terms(rows, P, False)} == {0}
-    assert 0 in terms(rows, P, True)
+    assert {*columns} - {*counting(False)} == {0}
+    assert 0 in counting(True)
     K, gains, G = random.normal(size=(4, n)), random.normal(size=4), random.normal(size=(4, 83))
     K[:, 3] = 0.0
     expected = V - K.T @ np.diag(gains) @ G
     subtract(K, gains, G, n, V)
     assert pytest.approx(expected) == V
+    g = np.empty(83)
+    combine(K[0], V, g)
+    assert pytest.approx(K[0] @ V) == g
+
+
+@pytest.mark.parametrize(("unknowns", "jumping"), [(1, 3), (17, 11), (20, 12)])
+def test_parts_of_the_memory_fill_it_and_do_not_overlap(unknowns: int, jumping: int) -> None:
+    flat = new_memory(unknowns, jumping)
+    parts = memory_of(flat, unknowns, jumping)
+    for number, part in enumerate(parts, start=1):
+        assert (part == 0.0).all(), Memory._fields[number - 1]
+        assert part.ctypes.data % 64 == 0
+        part[:] = number
+    assert np.count_nonzero(flat) == sum(part.size for part in parts) > len(flat) - 8 * len(parts)
+    kept = remembered(unknowns, jumping)
+    assert (flat[:kept] < Memory._fields.index("step") + 1).all()
+    assert {*flat[kept:]} - {0.0} == {*range(Memory._fields.index("step") + 1, len(parts) + 1)}
 
 
 def test_rules_come_out_of_one_array_as_they_went_in() -> None:
