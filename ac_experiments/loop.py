@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 Progress = Callable[[int, int], None]
 
 #: Ticks between two calls of the progress function.
-PROGRESS_EVERY = 200
+PROGRESS_EVERY = 1000
 
 #: What a detector that does not run says.
 _NOTHING = (Innovation(0.0, 0.0, 0.0), (0.0,) * len(ISOLABLE_KINDS), (np.nan,) * len(ISOLABLE_KINDS), False, None)

@@ -1,8 +1,8 @@
 """Ticks of the loop in which nothing is out of the ordinary, one after the other in compiled code.
 
-In most ticks of a run no fault stands out, no cap protects the plant, and no component of it changes. Such ticks are
-done here with the functions that the nodes step with; what is left over is that of `ac_experiments.loop`, in the middle
-of a tick. Both give the same numbers, to the last bit.
+In most ticks of a run no fault stands out and no component of the plant changes. Such ticks are done here with the
+functions that the nodes step with; what is left over is that of `ac_experiments.loop`, in the middle of a tick. Both
+give the same numbers, to the last bit.
 """
 
 from collections.abc import Sequence
@@ -20,6 +20,7 @@ from ac_experiments.tick_columns import (
     Q_MADE,
     READINGS,
     RESIDUAL,
+    STUCK,
 )
 from ac_plant_node.compiled_sources import COMPILED_SOURCES
 from ac_plant_node.dynamics.drive import AIR_C, OPENING, SPEED
@@ -27,22 +28,26 @@ from ac_plant_node.dynamics.telling import N_OUTPUTS, run_and_tell
 from ac_plant_node.dynamics.workspace import views
 from ac_plant_node.inputs import INPUT
 from ac_plant_node.properties.tables import Tables
-from fault_injector_node.injector import ACTUATOR_FAULTS, INLET_FAULTS, SENSOR_FAULTS
+from ac_plant_node.saturation import temperature_on
+from fault_injector_node.injector import ACTUATOR_FAULTS, INLET_FAULTS, SENSOR_FAULTS, STICKING_FAULTS
 from fdi_node.envelope.filter import go_on_to_next, take
 from fdi_node.envelope.memory import Memory, Rules, memory_of, rules_in
 from fdi_node.envelope.model import READING_SCALE
+from fdi_node.envelope.outlet import take_outlet_temperature
 from fdi_node.envelope.quiet import IS_THERE, UNNAMED, leaves_nothing
 from gimc_controller_node.envelope_compensator import COMMAND, LIMITED, WITHDRAWN, Q, accommodation
-from gimc_controller_node.limited_controller import LAST, with_k0
-from gimc_controller_node.reference_limits import bounds
+from gimc_controller_node.limited_controller import CAPS, LAST, with_k0
+from gimc_controller_node.protection import move_caps
+from gimc_controller_node.reference_limits import BOUNDS, bounds
 
 DONE, CONCLUDE, LOST, GIVE_UP = range(4)
-"""Why it ends: all ticks are done; there is something to conclude or to protect, once the readings have been taken; the
+"""Why it ends: all ticks are done; there is something to conclude, once the readings have been taken; the
 observer has to begin anew, once the command is known; something that is Python's from the first tick on."""
 SENSE, MOVE = range(2)
 """Where in its first tick it begins: with the readings, or with the command to the actuators."""
 
-_CONDENSER_AIR_C = INPUT["condenser_air_inlet_temperature"]
+_AIR, _CONDENSER_AIR_C = INPUT["air_mass_flow"], INPUT["condenser_air_inlet_temperature"]
+SUPERHEAT_READING = 1
 _compile = step_compiler(
     *COMPILED_SOURCES,
     *("ac_plant_node.saturation", "ac_common.products", "ac_common.faults", "ac_common.signals", "ac_common.topics"),
@@ -52,14 +57,27 @@ _compile = step_compiler(
 
 
 @_compile
-def _read(results: Array, inlets: Array, noise: Array, faults: Array, row: Array) -> None:
-    """Do as `FaultInjector.measure` and `measure_inlets`."""
+def _read(
+    results: Array, inlets: Array, noise: Array, faults: Array, stuck: Array, curve: Array, before: Array, row: Array
+) -> None:
+    """Do as `FaultInjector.stick`, `measure` and `measure_inlets`."""
+    saturation_c = temperature_on(curve, results[0]) if curve.size > 0 else 0.0
     for i in range(N_OUTPUTS):
         row[READINGS + i] = results[i] + noise[i]
     for fault, at in SENSOR_FAULTS:
         row[READINGS + at] += faults[fault]
     for i in range(2):
         row[INLETS_READ + i] = inlets[i] + faults[INLET_FAULTS[i]]
+    for i in range(stuck.shape[0]):
+        at = STICKING_FAULTS[i][1]
+        more_c = saturation_c if at == SUPERHEAT_READING else 0.0
+        if stuck[i] != 0.0:
+            now = results[at] if at < N_OUTPUTS else inlets[at - N_OUTPUTS]
+            row[STUCK + i], row[READINGS + at] = before[at] - (now + more_c), before[at] - more_c
+        else:
+            before[at] = row[READINGS + at] + more_c
+    if curve.size > 0:
+        row[READINGS + SUPERHEAT_READING] += saturation_c - temperature_on(curve, row[READINGS])
 
 
 @_compile
@@ -91,13 +109,14 @@ def _drive(results: Array, inlets: Array, command: Array, faults: Array, air: Ar
 @_compile
 def ordinary_ticks(
     first: int, last: int, stage: int, may_act: int, diagnoses: int,
-    h: float, within: Sequence[float], limits: Sequence[float],
+    h: float, limits: Sequence[float], saturation: Array,
     flat: Array, packed: Array, reading: Array, told: Array, tables: Tables, asked: Array, thresholds: Array,
+    outlet: Array, is_told_air: int,
     compensator: Array, curve: Array, n: int, accommodates: int,
-    controller: Array, k0: Array, n_k0: int, air_curve: Array,
+    controller: Array, k0: Array, n_k0: int, air_curve: Array, caps: Array, guards: Array,
     work: Array, par: Array, sat: Array, vapour: Array, isentrope: Array, liquid: Array, grid: Array,
-    driven: Array, results: Array, inlets: Array,
-    noise: Array, references: Array, faults: Array, changes: Array, air: Array,
+    driven: Array, results: Array, inlets: Array, before: Array,
+    noise: Array, references: Array, faults: Array, stuck: Array, changes: Array, air: Array,
     made: Array, found: Array, said: Array,
 ) -> tuple[int, int]:  # fmt: skip
     """Do ticks until one is not ordinary, and return that one, or `last`, and why it ends.
@@ -108,20 +127,22 @@ def ordinary_ticks(
         The tick to begin with, that before which it ends, and `SENSE` or `MOVE`.
     may_act, diagnoses : int
         0: what follows from the readings is not ordinary in any case; neither observer nor compensator runs.
-    h, within, limits : float, sequence of float
-        Sample time; as `FallbackController.within`; the first arguments of `bounds` after `air_curve`.
-    flat, packed, reading, told, tables, asked, thresholds
-        As `EnvelopeDetector.compiled`.
-    compensator, curve, n, accommodates, controller, k0, n_k0
-        As `accommodation`, and as `with_k0`.
+    h, limits, saturation : float, sequence of float, array
+        Sample time; the first arguments of `bounds` after `air_curve`; `saturation_curve`, empty where the superheat is
+        not derived.
+    flat, packed, reading, told, tables, asked, thresholds, outlet, is_told_air
+        As `EnvelopeDetector.compiled`; as its `curve`; 1: it is told the air flow through the evaporator.
+    compensator, curve, n, accommodates, controller, k0, n_k0, caps, guards
+        As `accommodation`, `with_k0` and `move_caps`.
     work, par, sat, vapour, isentrope, liquid, grid, driven, results
         As `ac_plant_node.plant.handed_over`.
-    inlets : (2,) array
-        Air at both inlets as it is.
-    noise, references, faults, changes, air : (K, .) arrays
+    inlets, before : (2,) and (6,) array
+        Air at both inlets as it is; as `FaultInjector.read_before`.
+    noise, references, faults, stuck, changes, air : (K, .) arrays
         By tick; `changes` (K,): whether components of the plant do, or its valve is faulty.
     made, found, said : (K, .) arrays
-        Results by tick: as `Loop.made`; thresholds; 1 for a limit of the compensator, 2 for withdrawn; sum of bounds.
+        Results by tick: as `Loop.made`; thresholds; 1 for a limit of the compensator, 2 for withdrawn, and as
+        `FallbackController.words`.
     """
     rules = rules_in(packed)
     m = memory_of(flat, rules.rows.shape[0], rules.jumping.shape[0])
@@ -130,13 +151,16 @@ def ordinary_ticks(
         row, faulty, reference = made[k], faults[k], references[k]
         measured, command = row[READINGS:INLETS_READ], controller[LAST : LAST + 2]
         if k > first or stage == SENSE:
-            _read(results, inlets, noise[k], faulty, row)
-            is_safe = measured[0] >= within[0] and measured[1] >= within[1] and measured[3] <= within[2]
+            _read(results, inlets, noise[k], faulty, stuck[k], saturation, before, row)
             if diagnoses != 0:
                 reading[:] = measured
+                if outlet.size > 0:
+                    take_outlet_temperature(m.out, m.scalars, outlet, reading, reading[0])
                 told[AIR_C], told[_CONDENSER_AIR_C] = row[INLETS_READ], row[INLETS_READ + 1]
+                if is_told_air != 0:
+                    told[_AIR] = air[k, 0]
                 take(m, integration, rules, reading, told, tables)
-            if may_act == 0 or changes[k] != 0.0 or not is_safe:
+            if may_act == 0 or changes[k] != 0.0:
                 return k, CONCLUDE
             if diagnoses != 0:
                 if not leaves_nothing(m, rules, asked, thresholds):
@@ -149,9 +173,12 @@ def ordinary_ticks(
                 )  # fmt: skip
             if accommodates != 0:
                 said[k, 0] = 2.0 if compensator[WITHDRAWN] != 0.0 else compensator[LIMITED]
-            pressure, superheat, said[k, 1] = bounds(
+            pressure, superheat, acts = bounds(
                 air_curve, limits[0], limits[1], limits[2], reference[0], reference[1], row[INLETS_READ]
             )
+            capped = move_caps(caps, guards, measured[0], measured[1], measured[3], command[0], command[1])
+            said[k, 1] = acts + BOUNDS * capped
+            controller[CAPS], controller[CAPS + 1] = min(caps[0, 0], caps[2, 0]), caps[1, 0]
             with_k0(
                 controller, k0, n_k0, pressure, superheat, measured[0], measured[1],
                 1, compensator[Q], compensator[Q + 1],

@@ -24,8 +24,8 @@ _GROUPS = (
 _OUTPUTS, INLETS, PERFORMANCE, READINGS, INLETS_READ, INNOVATION, RESIDUAL, *_more = accumulate(
     map(len, _GROUPS), initial=0
 )
-Q_MADE, COMMANDED, ACTUATOR, FAULTS, _STUCK, _END = _more
-"""Where each of the groups begins; `FAULTS`: those of components, then of readings that stand still."""
+Q_MADE, COMMANDED, ACTUATOR, FAULTS, STUCK, _END = _more
+"""Where each of the groups begins; `FAULTS`: those of components, `STUCK`: of readings that may stand still."""
 MADE: tuple[str, ...] = tuple(chain(*_GROUPS))
 DIAGNOSED = MADE[INNOVATION:COMMANDED]
 """Series of detector and compensator."""

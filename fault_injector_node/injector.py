@@ -24,7 +24,7 @@ _COMPONENTS = tuple(
     (number, fault.lowest_si, fault.largest_si) for number, fault in enumerate(FAULTS) if fault.place is Place.PLANT
 )
 #: Of each of `STICKING`: its number in `FAULTS`, and its place among the readings, of which those of air come last.
-_STICKING = tuple((FAULTS.index(fault), fault.index) for fault in STICKING)
+STICKING_FAULTS = tuple((FAULTS.index(fault), fault.index) for fault in STICKING)
 _N_MEASURED = len(Measurement._fields)
 _NOTHING_HELD = (math.nan,) * len(READINGS)
 ACTUATOR_FAULTS = faults_at(Place.ACTUATOR)
@@ -101,7 +101,7 @@ class FaultInjector:
             self._held = _NOTHING_HELD
             return faults
         given, held = list(faults), list(_NOTHING_HELD)
-        for (number, reading), is_stuck in zip(_STICKING, stuck, strict=True):
+        for (number, reading), is_stuck in zip(STICKING_FAULTS, stuck, strict=True):
             if is_stuck:
                 air = reading - _N_MEASURED
                 now = inlets[air] if air >= 0 else actual[reading] + self._saturation_c(actual, reading)
@@ -112,6 +112,11 @@ class FaultInjector:
                 given[number] = held[reading] - now
         self._held = held
         return tuple(given)
+
+    @property
+    def read_before(self) -> list[float]:
+        """What each sensor read in the tick before, or stands still at: of a derived superheat the thermocouple."""
+        return [last if math.isnan(held) else held for held, last in zip(self._held, self._last, strict=True)]
 
     def _saturation_c(self, actual: Sequence[float], reading: int) -> float:
         """Return what the sensor of the superheat reads more than that: nothing, unless it is a thermocouple."""

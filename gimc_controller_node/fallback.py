@@ -7,8 +7,17 @@ import numpy as np
 from ac_common.safe_command import towards
 from gimc_controller_node.controller import Command, Vector
 from gimc_controller_node.limited_controller import LAST, LimitedController
-from gimc_controller_node.protection import IDLE, Protection, ProtectionLimits, protect
-from gimc_controller_node.reference_limits import ReferenceLimits
+from gimc_controller_node.protection import (
+    CAPPED,
+    IDLE,
+    Protection,
+    ProtectionLimits,
+    constants_of,
+    protect,
+    protection_of,
+    reason_for,
+)
+from gimc_controller_node.reference_limits import BOUNDS, ReferenceLimits
 
 GIMC, K0_ALONE, SAFE = "", "no q: K0 alone", "no measurement: going to the safe command"
 
@@ -30,8 +39,11 @@ class FallbackController:
         Which bounds of the references are used instead of what is wanted, in words; empty: none.
     limited : LimitedController
     references : ReferenceLimits
-    within : tuple of float
-        Lowest p_e [Pa], lowest SH [K] and highest p_c [Pa] at which nothing has to be protected.
+    caps, guards : ndarray
+        Those caps for compiled code, and what moves them: the arguments of `move_caps`.
+    words : list of str
+        What is said while all is there, by the caps and bounds that act: `BOUNDS` times the first number plus the
+        second.
     mode : str
         What it does at present: `GIMC` (all is there), `K0_ALONE` (q is missing; the last one fades out), or `SAFE`
         (a measurement or a reference is missing).
@@ -41,9 +53,13 @@ class FallbackController:
         self.limited = controller
         self._limits = limits or ProtectionLimits()
         self.protection: Protection = IDLE
-        own = self._limits
-        self.within = own.lowest_pressure_pa, own.lowest_superheat_k, own.highest_head_pa
         self.references = ReferenceLimits(self._limits, controller.design.approach_k)
+        self.guards, self.caps = constants_of(self._limits, controller.design.sample_time_s), np.array(IDLE)
+        self.words = [
+            "; ".join(filter(None, (bound, reason_for(capped))))
+            for capped in range(2 * max(CAPPED))
+            for bound in self.references.words
+        ]
         self.bound = ""
         self._command = controller.design.command_rest.copy()
         self._safe = controller.design.command_rest
@@ -83,23 +99,22 @@ class FallbackController:
 
     @property
     def is_ordinary(self) -> bool:
-        """Whether nothing is missing and no cap acts, so that all of a tick is `ReferenceLimits` and K0's."""
-        return self.mode == GIMC and self.protection is IDLE and self.limited.k0 is not None
+        """Whether nothing is missing, so that all of a tick is that of `ReferenceLimits`, the caps and K0."""
+        return self.mode == GIMC and self.limited.k0 is not None
 
-    def follow(self, acts: int) -> None:
-        """Go on from ticks that were ordinary, and that other code has done; `acts`: bounds at the last of them."""
-        self._command, self.bound = self.limited.memory[LAST : LAST + 2].copy(), self.references.words[acts]
+    def follow(self, said: int) -> None:
+        """Go on from ticks that were ordinary, and that other code has done; `said`: which of `words` at the last."""
+        self._command, self.bound = self.limited.memory[LAST : LAST + 2].copy(), self.references.words[said % BOUNDS]
+        self.protection = protection_of(self.caps)
 
     def _protect(self, pressure: float, superheat: float, head: float) -> None:
         """Move the caps on the command for these readings."""
-        lowest, driest, highest = self.within
-        if self.protection is IDLE and pressure >= lowest and superheat >= driest and head <= highest:
-            return  # as `protect` would find, in less time
         speed, opening = self._command.tolist()
-        seen = (pressure, superheat, head)
-        protection = protect(self.protection, seen, (speed, opening), self._limits, self._sample_time_s)
+        protection = protect(
+            self.protection, (pressure, superheat, head), (speed, opening), self._limits, self._sample_time_s
+        )
         if protection is not self.protection:
-            self.protection = protection
+            self.protection, self.caps[:] = protection, protection
             self.limited.cap(protection.fastest, protection.opening.value)
 
     @property

@@ -35,7 +35,7 @@ Q_FADE_S = 0.5
 
 
 # Layout of what a `LimitedController` remembers, and of what it is made of: pairs for speed and valve, or p_e and SH.
-LAST, _HELD_BACK, _GOVERNED, _Q, _Q_OFFSET, _LOW, _HIGH, _STRIDE, _CAPS, _REST, _CURVATURE = range(0, 22, 2)
+LAST, _HELD_BACK, _GOVERNED, _Q, _Q_OFFSET, _LOW, _HIGH, _STRIDE, CAPS, _REST, _CURVATURE = range(0, 22, 2)
 _SILENT, _MET, _KEEPS, _COST_SPEED, _COST_BOTH, _COST_VALVE = range(22, 28)
 _GOVERNORS = 28
 _N = _GOVERNORS + 2 * N_GOVERNOR
@@ -126,8 +126,8 @@ def _after(m: Array, speed: float, valve: float) -> None:
     else:
         sent_speed, sent_valve = _nearest(m, speed, valve, slowest, fastest, narrowest, widest)
     # What a cap takes away the other command must not make up for: the cap is there to change the outputs.
-    sent_speed = max(min(sent_speed, m[_CAPS]), slowest)
-    sent_valve = max(min(sent_valve, m[_CAPS + 1]), narrowest)
+    sent_speed = max(min(sent_speed, m[CAPS]), slowest)
+    sent_valve = max(min(sent_valve, m[CAPS + 1]), narrowest)
     m[_HELD_BACK] = 1.0 if sent_speed != speed else 0.0
     m[_HELD_BACK + 1] = 1.0 if sent_valve != valve else 0.0
     last[0], last[1] = sent_speed, sent_valve
@@ -171,7 +171,7 @@ class LimitedController:
         m = self.memory = np.zeros(_N)
         pairs: dict[int, Any] = {
             LAST: design.command_rest, _LOW: design.command_min, _HIGH: design.command_max,
-            _STRIDE: design.command_rate * design.sample_time_s, _CAPS: (math.inf, math.inf),
+            _STRIDE: design.command_rate * design.sample_time_s, CAPS: (math.inf, math.inf),
             _REST: design.command_rest, _CURVATURE: design.curvature,
         }  # fmt: skip
         for at, pair in pairs.items():
@@ -236,7 +236,7 @@ class LimitedController:
 
         A cap below the last command is met at the command's greatest rate.
         """
-        self.memory[_CAPS], self.memory[_CAPS + 1] = speed_rad_s, opening
+        self.memory[CAPS], self.memory[CAPS + 1] = speed_rad_s, opening
 
     def drive(self, speed_rad_s: float) -> None:
         """Take the compressor's speed as given from now on: an engine turns it, and only the valve is commanded.

@@ -14,12 +14,14 @@ A reference that low is not even tried: the controller would be driven there aga
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.units import RPM
+from gimc_controller_node.compiled import Array, jit
 
 COLD = "evaporator pressure too low (freezing): compressor speed is capped"
 HIGH = "condenser pressure too high: compressor speed is capped"
@@ -151,8 +153,16 @@ class Protection(NamedTuple):
     @property
     def reason(self) -> str:
         """`COLD`, `HIGH`, `DRY`, some of them, or empty: which caps there are."""
-        caps = ((self.speed, COLD), (self.head, HIGH), (self.opening, DRY))
-        return "; ".join(why for cap, why in caps if cap.value < math.inf)
+        return reason_for(sum(number for number, cap in zip(CAPPED, self, strict=True) if cap.value < math.inf))
+
+
+CAPPED = 1, 4, 2
+"""Numbers of the caps on the speed, the opening, and for the head; `reason_for` takes the sum of those there are."""
+
+
+def reason_for(capped: int) -> str:
+    """Return why there are the caps of such a sum."""
+    return "; ".join(why for number, why in zip((1, 2, 4), (COLD, HIGH, DRY), strict=True) if capped & number)
 
 
 IDLE = Protection()
@@ -187,26 +197,58 @@ def protect(
     within = pressure >= limits.lowest_pressure_pa and superheat >= limits.lowest_superheat_k
     if state is IDLE and within and head <= limits.highest_head_pa:
         return state
-    speed = _moved(
-        state.speed, pressure - limits.lowest_pressure_pa, command[0], limits.speed_guard, limits, sample_time_s
-    )
-    opening = _moved(
-        state.opening, superheat - limits.lowest_superheat_k, command[1], limits.opening_guard, limits, sample_time_s
-    )
-    high = _moved(state.head, limits.highest_head_pa - head, command[0], limits.head_guard, limits, sample_time_s)
-    return IDLE if speed == opening == high == FREE else Protection(speed, opening, high)
+    caps = np.array(state)
+    move_caps(caps, constants_of(limits, sample_time_s), *measured, *command)
+    return protection_of(caps)
 
 
-def _moved(cap: Cap, above: float, command: float, guard: Guard, limits: ProtectionLimits, sample_time_s: float) -> Cap:
-    """Return a cap after one tick; `above` is by how much what it protects is within its limit."""
-    stride = guard.rate * sample_time_s
-    low_s = cap.low_s + sample_time_s if above < 0.0 else 0.0
-    value = cap.value
-    if low_s > limits.confirm_s - 0.5 * sample_time_s:
-        value = max(min(value, command) - stride, min(guard.least, command))
-    elif above > guard.margin:
-        value += UP * stride
-    if value == math.inf:
-        return Cap(low_s=low_s)
-    free_s = cap.free_s + sample_time_s if command < value - stride else 0.0
-    return FREE if free_s > limits.release_s and not low_s else Cap(value, low_s, free_s)
+def protection_of(caps: Array) -> Protection:
+    """Return the caps as `protect` does, of the array that `move_caps` moves."""
+    protection = Protection(*(Cap(*cap) for cap in caps.tolist()))
+    return IDLE if protection == IDLE else protection
+
+
+@cache
+def constants_of(limits: ProtectionLimits, sample_time_s: float) -> NDArray[np.float64]:
+    """Return what `move_caps` needs to know: of the three caps a row each of margin, least and stride, then limits."""
+    guards = limits.speed_guard, limits.opening_guard, limits.head_guard
+    lowest, driest, highest = limits.lowest_pressure_pa, limits.lowest_superheat_k, limits.highest_head_pa
+    rows = [(*guard[:2], guard.rate * sample_time_s) for guard in guards]
+    waits = limits.confirm_s - 0.5 * sample_time_s, limits.release_s, sample_time_s
+    return np.array([*rows, (lowest, driest, highest), waits])
+
+
+@jit
+def move_caps(
+    caps: Array, constants: Array, pressure: float, superheat: float, head: float, speed: float, opening: float
+) -> int:
+    """Move the caps by one tick, and return the sum of `CAPPED` of those that there are.
+
+    Parameters
+    ----------
+    caps : (3, 3) array
+        The fields of `Protection`, each with those of `Cap`.
+    constants : (5, 3) array
+        From `constants_of`.
+    pressure, superheat, head, speed, opening
+        As `measured` and `command` of `protect`.
+    """
+    limits, waits, capped = constants[3], constants[4], 0
+    for i in range(3):
+        cap, guard = caps[i], constants[i]
+        above = pressure - limits[0] if i == 0 else superheat - limits[1] if i == 1 else limits[2] - head
+        command, stride = opening if i == 1 else speed, guard[2]
+        low_s = cap[1] + waits[2] if above < 0.0 else 0.0
+        value, free_s = cap[0], 0.0
+        if low_s > waits[0]:
+            value = max(min(value, command) - stride, min(guard[1], command))
+        elif above > guard[0]:
+            value += UP * stride
+        if value < math.inf:
+            free_s = cap[2] + waits[2] if command < value - stride else 0.0
+            if free_s > waits[1] and low_s == 0.0:
+                value, free_s = math.inf, 0.0
+            else:
+                capped += CAPPED[i]
+        cap[0], cap[1], cap[2] = value, low_s, free_s
+    return capped

@@ -16,8 +16,8 @@ from gimc_controller_node.protection import ProtectionLimits
 
 TOO_DRY = "superheat reference beyond what the inlet air allows: capped"
 TOO_WARM = "pressure reference beyond what the inlet air allows: capped"
-RAISED, WARM, DRY = 1, 2, 4
-"""Which bounds act, for compiled code: the sum of these."""
+RAISED, WARM, DRY, BOUNDS = 1, 2, 4, 8
+"""Which bounds act, for compiled code: the sum of these, which is below the last number."""
 _ZERO_C = 273.15
 
 
@@ -68,7 +68,7 @@ class ReferenceLimits:
         self.curve = saturation_curve() if approach_k > NO_APPROACH_K else np.empty(0)
         raised = f"reference too low: raised to {pressure / 1e3:g} kPa, {superheat:g} K at least"
         words = {RAISED: raised, WARM: TOO_WARM, DRY: TOO_DRY}
-        self.words = ["; ".join(text for one, text in words.items() if acts & one) for acts in range(2 * DRY)]
+        self.words = ["; ".join(text for one, text in words.items() if acts & one) for acts in range(BOUNDS)]
         self._bounds = ready(bounds)
 
     def bounded(

@@ -16,13 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.arrays import Arrays, same_shape
+from ac_common.compiled import ready
 from ac_common.signals import Innovation
 from ac_plant_node.dynamics import integrator
 from ac_plant_node.dynamics.balances import N_STATES
 from ac_plant_node.dynamics.drive import AIR_C, OPENING, SPEED
 from ac_plant_node.inputs import INPUT, N_HELD, N_INPUTS
 from ac_plant_node.properties.tables import REFRIGERANTS, load_tables
-from ac_plant_node.saturation import saturation_slope, saturation_temperature
+from ac_plant_node.saturation import saturation_curve
 from fdi_node.detector import Detection
 from fdi_node.envelope import filter as kalman
 from fdi_node.envelope.decision import Conclusion, EnvelopeDecision
@@ -30,7 +31,6 @@ from fdi_node.envelope.limits import Limits
 from fdi_node.envelope.memory import (
     CAUTION,
     NIS,
-    SLOPE,
     Memory,
     Rules,
     memory_of,
@@ -40,6 +40,7 @@ from fdi_node.envelope.memory import (
     rules_in,
 )
 from fdi_node.envelope.model import ENERGY, N_READINGS, READING_SCALE, STATE_SCALE
+from fdi_node.envelope.outlet import take_outlet_temperature
 from fdi_node.envelope.rival import Rival
 from fdi_node.envelope.unknowns import PARAMETERS, UNKNOWNS, Unknown, table
 
@@ -48,7 +49,6 @@ Vector = NDArray[np.float64]
 Signal = Sequence[float] | Vector
 
 _AIR, _CONDENSER_AIR_C = INPUT["air_mass_flow"], INPUT["condenser_air_inlet_temperature"]
-LEAST_PRESSURE_PA = 1.0e4
 JACOBIAN_S = 2.0
 """A Jacobian is renewed after this time at the latest, or after twice of it where it is good."""
 CAREFUL = 100.0
@@ -157,6 +157,13 @@ class EnvelopeDetector:
 
     It has the methods of `fdi_node.detector.FaultDetector`; `observe` is told the temperature of the condenser's air,
     too.
+
+    Attributes
+    ----------
+    memory : Memory
+    rules : Rules
+    curve : ndarray
+        As of `take_outlet_temperature`, empty where the superheat is not derived.
     """
 
     def __init__(self, design: EnvelopeDesign) -> None:
@@ -169,6 +176,8 @@ class EnvelopeDetector:
         self.memory: Memory = memory_of(self._flat, m, q)
         self._told, self._reading = np.zeros(N_HELD), np.zeros(N_READINGS)
         self._begun = False
+        self.curve = saturation_curve() if design.derived > 0.5 else np.empty(0)
+        self._take_outlet_temperature = ready(take_outlet_temperature)
         limits, is_open = Limits(*design.limits.tolist()), design.opened > 0.5
         self._decision = EnvelopeDecision(limits, design.unknowns, self._flat, self._packed, is_open)
         self._shown = (-READING_SCALE * design.used).tolist()
@@ -228,8 +237,8 @@ class EnvelopeDetector:
             reading[i] = value
         if not self._begun:
             self._begin(reading, _NEAR)
-        if self.design.derived > 0.5:
-            _take_outlet_temperature(self.memory, self._reading, float(self._reading[0]))
+        if self.curve.size:
+            self._take_outlet_temperature(self.memory.out, self.memory.scalars, self.curve, reading, float(reading[0]))
         self._tell(air_inlet_temperature_c, condenser_air_inlet_temperature_c, air_mass_flow_kg_s)
         kalman.observe(self._flat, self._packed, reading, self._told, self._tab)
         return self.conclude(time_s, air_inlet_temperature_c, condenser_air_inlet_temperature_c, air_mass_flow_kg_s)
@@ -259,8 +268,10 @@ class EnvelopeDetector:
     def _observe_as(self, rival: Rival) -> None:
         """Let a rival take the readings of this tick."""
         reading = self._reading.copy()
-        if self.design.derived > 0.5:
-            _take_outlet_temperature(rival.memory, reading, float(self.memory.out[0]))
+        if self.curve.size:
+            self._take_outlet_temperature(
+                rival.memory.out, rival.memory.scalars, self.curve, reading, float(self.memory.out[0])
+            )
         rival.observe(reading, self._told, self._tab)
 
     def commanded(self, command: Signal) -> None:
@@ -357,13 +368,3 @@ class EnvelopeDetector:
             msg = f"not the state of such a detector: {type(problem).__name__} {problem}"
             raise ValueError(msg) from None
         self._flat[: self._remembered], self._told[:], self._reading[:], self._begun = flat, told, reading, begun
-
-
-def _take_outlet_temperature(m: Memory, reading: Vector, pressure_pa: float) -> None:
-    """Read the superheat that the outlet temperature means at the pressure that is predicted, not at the one it is of.
-
-    Whatever the pressure's sensor is off by is then in one reading only.
-    """
-    predicted = max(float(m.out[0]), LEAST_PRESSURE_PA)
-    reading[1] += saturation_temperature(max(pressure_pa, LEAST_PRESSURE_PA)) - saturation_temperature(predicted)
-    m.scalars[SLOPE] = saturation_slope(predicted)
