@@ -13,8 +13,8 @@ At every tick there are explanations of what has been seen: a jump of one unknow
   larger than one with that name can be.
 - A named fault is isolated without a jump, too, when its estimate has wandered beyond its threshold and no jump waits
   for its explanation.
-- A fault is over when its estimate has been next to nothing for `clear_s`, an unknown one when there has been
-  nothing to explain for so long.
+- A fault is over when its estimate has been next to nothing for `clear_s`, one without a name when an observer that has
+  begun anew says so (`fdi_node.envelope.afresh`).
 
 A second fault that is isolated does not end the first. "Unknown" hides both: which of them is there is then in doubt.
 A slow fault's name is less certain than an abrupt one's: whoever takes a sine of the pressure's sensor for a fault of
@@ -153,7 +153,7 @@ class EnvelopeDecision:
             self._look_at_estimates(time_s, thresholds)
             self._look_at_consistency(time_s)
         if self.isolated:
-            self.isolation.end(time_s, self.since.likely == NOT)
+            self.isolation.end(time_s)
         return self._conclude(time_s, thresholds)
 
     def rest(self, first_s: float, last_s: float) -> Conclusion:
@@ -281,6 +281,12 @@ class EnvelopeDecision:
         since.inconsistent = NOT if calm else min(since.inconsistent, time_s)
         if time_s - since.inconsistent >= self.limits.undecided_s:
             self._add(-1, UNKNOWN, since.inconsistent, time_s)
+
+    def withdraw(self, other: "EnvelopeDecision") -> None:
+        """Take it that nothing is off, and go on as another decision that says so."""
+        other.since.unknown = self.since.unknown
+        self.since = other.since
+        self.isolation.withdraw()
 
     def restart(self) -> None:
         """Go over a gap: what seemed likely before it is looked for anew."""

@@ -26,6 +26,7 @@ from ac_plant_node.properties.tables import REFRIGERANTS, load_tables
 from ac_plant_node.saturation import saturation_curve
 from fdi_node.detector import Detection
 from fdi_node.envelope import filter as kalman
+from fdi_node.envelope.afresh import Afresh
 from fdi_node.envelope.decision import Conclusion, EnvelopeDecision
 from fdi_node.envelope.limits import Limits
 from fdi_node.envelope.memory import (
@@ -178,6 +179,7 @@ class EnvelopeDetector:
         self._begun = False
         self.curve = saturation_curve() if design.derived > 0.5 else np.empty(0)
         self._take_outlet_temperature = ready(take_outlet_temperature)
+        self._afresh: Afresh | None = None
         limits, is_open = Limits(*design.limits.tolist()), design.opened > 0.5
         self._decision = EnvelopeDecision(limits, design.unknowns, self._flat, self._packed, is_open)
         self._shown = (-READING_SCALE * design.used).tolist()
@@ -209,7 +211,21 @@ class EnvelopeDetector:
         self._told[:N_INPUTS] = design.start_inputs[start]
         m.held[:] = self._told
         self._decision.restart()
-        self._begun = True
+        self._begun, self._afresh = True, None
+
+    def _look_afresh(self, time_s: float) -> None:
+        """Withdraw what is isolated if an observer that has begun since understands the readings without it."""
+        decision, afresh, is_over = self._decision, self._afresh, None
+        if afresh is not None:
+            self._observe_as(afresh)
+            is_over = afresh.compare(self.memory, time_s)
+            if is_over:
+                self._flat[:] = afresh.flat
+                decision.withdraw(afresh.decision)
+        if not decision.isolation.is_doubtful:
+            self._afresh = None
+        elif afresh is None or is_over is not None:
+            self._afresh = Afresh(self._flat, packed(rules_of(self.design)), self.design.unknowns, decision)
 
     def observe(
         self,
@@ -253,6 +269,7 @@ class EnvelopeDetector:
         """Return what follows from the readings of this tick, which the observer has taken."""
         if self._decision.isolation.rival is not None:
             self._observe_as(self._decision.isolation.rival)
+        self._look_afresh(time_s)
         m, done = self.memory, self._decision.step(time_s)
         if self._decision.isolation.is_lost:
             self._begin(self._reading, _FAR)
@@ -265,8 +282,8 @@ class EnvelopeDetector:
         f_n, f_p, *_ = m.x.tolist()
         return Detection(Innovation(p * scale_p, s * scale_s, w * scale_w), (f_n, f_p), *done)
 
-    def _observe_as(self, rival: Rival) -> None:
-        """Let a rival take the readings of this tick."""
+    def _observe_as(self, rival: Rival | Afresh) -> None:
+        """Let another observer take the readings of this tick."""
         reading = self._reading.copy()
         if self.curve.size:
             self._take_outlet_temperature(
@@ -282,6 +299,8 @@ class EnvelopeDetector:
         self._told[SPEED], self._told[OPENING] = command
         if self._decision.isolation.rival is not None:
             self._decision.isolation.rival.predict(self._told, self._tab)
+        if self._afresh is not None:
+            self._afresh.predict(self._told, self._tab)
         if kalman.predict(self._flat, self._packed, self._told, self._tab) != 0:
             self.begin_anew()
 
@@ -340,6 +359,7 @@ class EnvelopeDetector:
                 )
                 return
         self._decision.restart()
+        self._afresh = None
 
     def state(self) -> dict[str, Any]:
         """Return what a detector that takes this one's place needs, fit for JSON (nan, inf); between two ticks."""
@@ -368,3 +388,4 @@ class EnvelopeDetector:
             msg = f"not the state of such a detector: {type(problem).__name__} {problem}"
             raise ValueError(msg) from None
         self._flat[: self._remembered], self._told[:], self._reading[:], self._begun = flat, told, reading, begun
+        self._afresh = None  # another one begins where this one is

@@ -17,7 +17,7 @@ from ac_plant_node.dynamics.balances import N_STATES
 from fdi_node.envelope import filter as kalman
 from fdi_node.envelope.explanations import Explanations
 from fdi_node.envelope.limits import Limits
-from fdi_node.envelope.memory import NIS, Rules, memory_of, rules_in
+from fdi_node.envelope.memory import Rules, memory_of, rules_in
 from fdi_node.envelope.quiet import (
     FLOORS,
     HIGHEST,
@@ -85,6 +85,8 @@ class Isolation:
         What `fdi_node.envelope.quiet.is_quiet` is asked.
     is_open : bool
         Whether the plant's parameters are estimated.
+    is_kept : bool
+        Whether what is isolated has been kept over a gap.
     is_lost : bool
         Whether more seems to be off than can be told apart, so that the observer has to begin anew.
     """
@@ -104,8 +106,21 @@ class Isolation:
         self.asked = _asked(limits, unknowns)
         self.faults: list[Isolated] = []
         self.rival: Rival | None = None
-        self.is_open, self.is_lost = is_open, False
+        self.is_open, self.is_kept, self.is_lost = is_open, False, False
         self._set_drifts()
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Return whether what is isolated may be over for long before its estimate says so."""
+        return bool(self.faults) and (self.is_kept or any(one.name == UNKNOWN for one in self.faults))
+
+    def withdraw(self) -> None:
+        """Forget all faults."""
+        self.faults.clear()
+        self.rival = None
+        self._set_drifts()
+        for unknown, row in enumerate(self._unknowns[:NAMED]):
+            kalman.settle(self._flat, self._rules, unknown, (row.first / row.scale) ** 2)
 
     def open_up(self) -> None:
         """Begin anew with the plant's parameters estimated."""
@@ -115,7 +130,7 @@ class Isolation:
 
     def begin_anew(self) -> None:
         """Go over a gap: what is isolated stays so."""
-        self.rival, self.is_lost = None, False
+        self.rival, self.is_kept, self.is_lost = None, bool(self.faults), False
         self._set_drifts()
 
     def add(self, new: Isolated) -> None:
@@ -126,16 +141,17 @@ class Isolation:
                 if one.name != UNKNOWN and not one.rests(new.isolated_s, self._limits):
                     self.add(Isolated(-1, UNKNOWN, one.onset_s, new.isolated_s))
                 return
+        self.is_kept = self.is_kept and bool(self.faults)
         self.faults.append(new)
         if sum(one.unknown >= 0 for one in self.faults) > MOST_AT_ONCE:
             self.faults[:] = [Isolated(-1, UNKNOWN, self.faults[0].onset_s, new.isolated_s)]
             self.is_lost = True
         self._set_drifts()
 
-    def end(self, time_s: float, is_calm: bool) -> None:
-        """Forget the faults that are over; `is_calm`: there is nothing to explain."""
+    def end(self, time_s: float) -> None:
+        """Forget the faults whose estimates say that they are over; others end by `withdraw`."""
         for one in list(self.faults):
-            if not (self._is_within(one.unknown) if one.unknown >= 0 else is_calm and self._is_consistent()):
+            if one.name == UNKNOWN or not self._is_within(one.unknown):
                 one.small_since = NOT
                 continue
             one.small_since = min(one.small_since, time_s)
@@ -143,9 +159,8 @@ class Isolation:
                 continue
             self.faults.remove(one)
             self._set_drifts()
-            if one.unknown >= 0:
-                row = self._unknowns[one.unknown]
-                kalman.settle(self._flat, self._rules, one.unknown, (row.first / row.scale) ** 2)
+            row = self._unknowns[one.unknown]
+            kalman.settle(self._flat, self._rules, one.unknown, (row.first / row.scale) ** 2)
 
     def doubt(self, explanations: Explanations, top: int) -> None:
         """Before `top` is accepted, let an observer accept the other named fault in its place."""
@@ -184,7 +199,8 @@ class Isolation:
     def state(self) -> dict[str, Any]:
         """Return what one that takes this one's place has to know, fit for JSON (inf included)."""
         rival = None if self.rival is None else self.rival.state()
-        return {"faults": [asdict(one) for one in self.faults], "is_open": self.is_open, "rival": rival}
+        faults = [asdict(one) for one in self.faults]
+        return {"faults": faults, "is_open": self.is_open, "is_kept": self.is_kept, "rival": rival}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Take the place of the one whose `state` this is; `KeyError`, `TypeError`, `ValueError`: it is none."""
@@ -197,7 +213,8 @@ class Isolation:
                 raise ValueError("a rival whose fault has no name")
             rival = Rival(self._flat, self._packed, unknown)
             rival.restore(state["rival"])
-        self.faults[:], self.is_open, self.rival = faults, bool(state["is_open"]), rival
+        self.faults[:], self.is_open, self.is_kept = faults, bool(state["is_open"]), bool(state["is_kept"])
+        self.rival = rival
         self._set_drifts()
 
     def _set_drifts(self) -> None:
@@ -205,7 +222,7 @@ class Isolation:
         there, asked, limits = [one.unknown for one in self.faults], self.asked, self._limits
         asked[SETTLE_S] = limits.settle_open_s if self.is_open else limits.settle_s
         asked[IS_THERE : IS_THERE + NAMED] = [i in there for i in range(NAMED)]
-        asked[NEVER] = self.rival is not None or -1 in there  # a rival has to take every tick
+        asked[NEVER] = self.rival is not None or self.is_doubtful  # other observers have to take every tick
         asked[UNNAMED] = max(there, default=0) >= NAMED
         asked[N_ASKED + NAMED :] = [i in there for i in range(NAMED, len(self._unknowns))]
         self._let_drift(self._rules, there)
@@ -220,9 +237,6 @@ class Isolation:
             if unknown >= 0:
                 row = self._unknowns[unknown]
                 rules.Q[N_STATES + unknown] = (row.drift_after / row.scale) ** 2
-
-    def _is_consistent(self) -> bool:
-        return float(self._memory.scalars[NIS]) < self._limits.consistent
 
     def _is_within(self, unknown: int) -> bool:
         """Return whether the estimate of an unknown may as well be none."""

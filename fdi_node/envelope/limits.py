@@ -38,8 +38,9 @@ class Limits:
         a plain one of the compressor: the model is linearised.
     undecided_s : float
         How long an explanation is waited for when ratios are above `certain`. When they are not, as long as it takes.
-    clear_s, settle_s : float
-        How long a fault must be gone to be over; for how long after the start nothing is concluded.
+    clear_s, settle_s, afresh_s : float
+        How long a fault must be gone to be over; for how long after the start nothing is concluded; for how long after
+        that an observer that has begun anew must understand the readings for what was isolated before to be over.
     trust_s, settle_open_s : float
         What seems to have begun before the first is taken for a plant whose parameters are others, where the design
         says that these may be estimated; then nothing is concluded for the second.
@@ -88,6 +89,7 @@ class Limits:
     undecided_s: float = 30.0
     clear_s: float = 20.0
     settle_s: float = 20.0
+    afresh_s: float = 10.0
     trust_s: float = 25.0
     settle_open_s: float = 120.0
     sigmas: float = 5.0

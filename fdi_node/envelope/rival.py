@@ -23,6 +23,13 @@ from fdi_node.envelope.memory import LARGEST, Memory, memory_of, rules_in
 Vector = NDArray[np.float64]
 
 
+def evidence(memory: Memory, other: Memory) -> float:
+    """Return twice the logarithm by which the readings of a tick are likelier for the `other` observer."""
+    sizes = np.maximum(memory.sizes, other.sizes)
+    own, its = (np.minimum((m.white * m.sizes / sizes) ** 2, kalman.MOST).sum() for m in (memory, other))
+    return float(own - its)
+
+
 class Rival:
     """An observer whose fault is another one than that which has the name.
 
@@ -66,9 +73,7 @@ class Rival:
 
     def compare(self, other: Memory) -> None:
         """Weigh the readings of a tick."""
-        sizes = np.maximum(self.memory.sizes, other.sizes)
-        own, its = (np.minimum((m.white * m.sizes / sizes) ** 2, kalman.MOST).sum() for m in (self.memory, other))
-        self.evidence += float(own - its)
+        self.evidence += evidence(self.memory, other)
 
     def leaves_nothing(self, limits: Limits) -> bool:
         """Return whether nothing else has to have jumped for this observer."""
