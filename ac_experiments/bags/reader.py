@@ -14,7 +14,8 @@ import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Attachment, Channel, Chunk, Message, Metadata, Schema
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -42,7 +43,8 @@ BEAT, ANSWER = "plant/evaporator_pressure", "reference/evaporator_pressure"
 #: Messages of ticks before the run's first one, from a plant that beats all the time, and after its last one are no
 #: damage within these times.
 BEFORE_NS, AFTER_NS = 60 * NANOSECONDS, 10 * NANOSECONDS
-_MESSAGE_HEAD = struct.Struct("<HIQQ")
+#: Of a message in a chunk: opcode, length, channel, number, times of its arrival and of its sending.
+_MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 
 
 @dataclass
@@ -78,7 +80,7 @@ def read_raw(bag: Path | str) -> RawBag:
     for file in files:
         try:
             with file.open("rb") as stream:
-                _read_file(StreamReader(stream, emit_chunks=True, record_size_limit=LARGEST_RECORD), result)
+                _read_file(_Records(stream, emit_chunks=True, record_size_limit=LARGEST_RECORD), result)
         except (EndOfFile, struct.error):
             result.complete = False  # cut short; what is missing from a run shows in its number of ticks
         except (McapError, zstandard.ZstdError, UnicodeDecodeError, MemoryError, OverflowError) as problem:
@@ -147,7 +149,11 @@ def read_bag(bag: Path | str) -> Recording:
     UserError
         When it cannot be read or holds no run of ours.
     """
-    raw = read_raw(bag)
+    return recording_of(read_raw(bag), bag)
+
+
+def recording_of(raw: RawBag, bag: Path | str) -> Recording:
+    """Return the run in a bag that has been read by `read_raw`; see `read_bag`."""
     run, scenario = run_of(raw, bag)
     tick_ns = round(run["sample_time_s"] * NANOSECONDS)
     messages = {name: loop_messages(raw, topic) for name, topic in BY_NAME.items()}
@@ -304,6 +310,16 @@ def _files(bag: Path) -> list[Path]:
     raise UserError(msg)
 
 
+class _Records(StreamReader):
+    """All records of a file but its indexes, of which there are more than of anything else."""
+
+    def _read_record(self, opcode: int, length: int) -> McapRecord | None:
+        if opcode in (Opcode.MESSAGE_INDEX, Opcode.CHUNK_INDEX):
+            self._stream.read(length)
+            return None
+        return super()._read_record(opcode, length)
+
+
 class _Channels:
     """Channels and schemas of one file, and where their messages go."""
 
@@ -375,17 +391,21 @@ def _content(chunk: Chunk) -> bytes:
 
 def _read_chunk(data: bytes, channels: _Channels) -> None:
     """Take the messages out of a chunk: several times faster than as one object each."""
-    at = 0
-    while at < len(data):
-        opcode, length = _RECORD.unpack_from(data, at)
-        at += _RECORD.size
+    at, end = 0, len(data)
+    while at < end:
+        opcode = data[at]
         if opcode == _MESSAGE:
-            number, _, log_ns, _ = _MESSAGE_HEAD.unpack_from(data, at)
+            _, length, number, _, log_ns, _ = _MESSAGE_HEAD.unpack_from(data, at)
+            start = at + _MESSAGE_HEAD.size
+            at += _RECORD.size + length
             if number not in channels.messages:
                 msg = f"a message of channel {number}, which the file does not describe"
                 raise McapError(msg)
-            channels.messages[number].append((log_ns, data[at + _MESSAGE_HEAD.size : at + length]))
-        elif opcode == _SCHEMA:
+            channels.messages[number].append((log_ns, data[start:at]))
+            continue
+        _, length = _RECORD.unpack_from(data, at)
+        at += _RECORD.size
+        if opcode == _SCHEMA:
             channels.define(Schema.read(ReadDataStream(BytesIO(data[at : at + length]))))
         elif opcode == _CHANNEL:
             channels.define(Channel.read(ReadDataStream(BytesIO(data[at : at + length]))))

@@ -11,7 +11,7 @@ from ac_common.topics import BY_NAME, COMPENSATOR, CONTROLLER, PLANT
 from ac_common.units import KPA
 from ac_common.wire import NANOSECONDS, columns, stamps_ns
 from ac_design import design_controller
-from ac_experiments.bags.reader import RawBag, first_stamp_ns, health_reports, loop_messages, read_bag, read_raw
+from ac_experiments.bags.reader import RawBag, first_stamp_ns, health_reports, loop_messages, read_raw, recording_of
 from ac_experiments.campaign.checks import Evidence, Limits
 from ac_experiments.campaign.plan import Plan
 from ac_experiments.report.nodes import reports_of
@@ -43,7 +43,8 @@ def gather(
     scenario = plan.scenario
     design = design_controller(scenario.operating_point, scenario.sample_time_s)
     limits = Limits(design.command_min, design.command_max, design.command_rate * scenario.sample_time_s)
-    recording, raw = read_bag(bag), read_raw(bag)
+    raw = read_raw(bag)
+    recording = recording_of(raw, bag)
     messages = loop_messages(raw, COMMAND)
     stamps = stamps_ns(messages)
     order = np.argsort(stamps, kind="stable")

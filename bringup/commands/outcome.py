@@ -12,6 +12,7 @@ from ac_common.health import AS_USUAL
 from bringup.commands.console import print_json, print_table, progress_bar, say
 
 if TYPE_CHECKING:
+    from ac_experiments.bags.reader import RawBag
     from ac_experiments.recording import Recording
     from ac_experiments.scenario_schema import Scenario
 
@@ -79,13 +80,14 @@ def finish(
     recording: "Recording",
     folder: Path,
     as_json: bool,
-    bag: Path | None = None,
+    raw: "RawBag | None" = None,
     with_report: bool = True,
     passive: "Callable[[], Recording | None]" = _nothing,
 ) -> None:
     """Write summary and report of a run, and say where they are.
 
-    `bag` holds the nodes' health reports; `passive` gives the passive run of the same scenario if there is one already.
+    `raw` is its bag, with the nodes' health reports; `passive` gives the passive run of the same scenario if there is
+    one already.
     """
     from ac_experiments.metrics import summarise, write_summary
 
@@ -95,7 +97,7 @@ def finish(
     with _earlier_report_removed(folder):
         if with_report:
             written.append(folder / "report.html")
-            write_page(written[-1], recording, bag, *companion(recording, passive))
+            write_page(written[-1], recording, raw, *companion(recording, passive))
     if as_json:
         print_json(summary)
     else:
@@ -120,15 +122,15 @@ def _is_of_report(item: Path) -> bool:
     return item.is_file() and _OF_REPORT.fullmatch(item.name) is not None
 
 
-def write_page(path: Path, recording: "Recording", bag: Path | None, beside: "Recording | None", note: str) -> None:
+def write_page(path: Path, recording: "Recording", raw: "RawBag | None", beside: "Recording | None", note: str) -> None:
     """Write the report of a run, with what the nodes said of themselves where there is a bag."""
-    from ac_experiments.bags.reader import RawBag, read_raw
+    from ac_experiments.bags.reader import RawBag
     from ac_experiments.report.nodes import first_tick_s, reports_of
     from ac_experiments.report.page import write_report
 
     is_one_process = recording.metadata["mode"] == "simulate"  # no nodes, so no health of theirs
-    raw = RawBag() if bag is None or is_one_process else read_raw(bag)
-    write_report(path, recording, beside, note, reports_of(raw), first_tick_s(raw))
+    told = RawBag() if raw is None or is_one_process else raw
+    write_report(path, recording, beside, note, reports_of(told), first_tick_s(told))
 
 
 def companion(

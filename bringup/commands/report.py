@@ -5,12 +5,14 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ac_common import collector
 from ac_common.errors import UserError
 from bringup.commands.console import print_json, say
 from bringup.commands.options import SomePath, examples, json_option, path_option
 from bringup.commands.outcome import beside_bag, companion, make_folder, write_page
 
 if TYPE_CHECKING:
+    from ac_experiments.bags.reader import RawBag
     from ac_experiments.recording import Recording
 
 
@@ -54,15 +56,16 @@ def report(bags: tuple[Path, ...], out: Path | None, beside: Path | None, alone:
             raise UserError(msg)
         _compare(bags, target, as_json)
         return
-    recording = _whole(bag)
-    summary = summarise(recording)
-    if beside:
-        other: Recording | None = _other(recording, beside)
-        note = f"Beside it: {beside}."
-    else:
-        other, note = (None, "") if alone else companion(recording)
-    make_folder(target.resolve().parent)
-    write_page(target, recording, bag, other, note)
+    with collector.paused():
+        raw, recording = _whole(bag)
+        summary = summarise(recording)
+        if beside:
+            other: Recording | None = _other(recording, beside)
+            note = f"Beside it: {beside}."
+        else:
+            other, note = (None, "") if alone else companion(recording)
+        make_folder(target.resolve().parent)
+        write_page(target, recording, raw, other, note)
     if as_json:
         print_json(summary)
     say(f"wrote {target}")
@@ -74,7 +77,7 @@ def _compare(bags: tuple[Path, ...], target: Path, as_json: bool) -> None:
     if len(bags) > MOST_RUNS:
         msg = f"{len(bags)} runs given; allowed: {MOST_RUNS} at most"
         raise UserError(msg)
-    runs = named([(str(bag), _whole(bag)) for bag in bags])
+    runs = named([(str(bag), _whole(bag)[1]) for bag in bags])
     make_folder(target.resolve().parent)
     write_comparison(target, runs)
     if as_json:
@@ -82,14 +85,15 @@ def _compare(bags: tuple[Path, ...], target: Path, as_json: bool) -> None:
     say(f"wrote {target}")
 
 
-def _whole(bag: Path) -> "Recording":
-    from ac_experiments.bags.reader import read_bag
+def _whole(bag: Path) -> "tuple[RawBag, Recording]":
+    from ac_experiments.bags.reader import read_raw, recording_of
 
-    recording = read_bag(bag)
+    raw = read_raw(bag)
+    recording = recording_of(raw, bag)
     if len(recording.time_s) == 0:
         msg = f"{bag}: holds no tick; the run was cut short before its first"
         raise UserError(msg)
-    return recording
+    return raw, recording
 
 
 def _other(recording: "Recording", beside: Path) -> "Recording":

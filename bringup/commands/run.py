@@ -89,7 +89,7 @@ def run(
     user = user_nodes(nodes, without, params_file)
     folder = prepare_folder(out or Path("results") / chosen.name, force)
 
-    from ac_experiments.bags.reader import read_bag
+    from ac_experiments.bags.reader import read_raw, recording_of
     from ac_experiments.designs import check_controller_of
     from bringup.launch.beside import PASSIVE, Beside
     from bringup.launch.given_parameters import check_designs
@@ -127,4 +127,5 @@ def run(
                 kind = InterruptedRunError if isinstance(problem.__context__, KeyboardInterrupt) else RunError
                 raise kind(str(problem)) from problem
         with collector.paused():
-            finish(read_bag(folder / "bag"), folder, as_json, folder / "bag", with_report, passive_run.result)
+            raw = read_raw(folder / "bag")
+            finish(recording_of(raw, folder / "bag"), folder, as_json, raw, with_report, passive_run.result)

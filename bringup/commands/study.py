@@ -12,7 +12,7 @@ from bringup.commands.options import examples, force_option, json_option, path_o
 from bringup.commands.outcome import finish, make_folder, prepare_folder
 
 if TYPE_CHECKING:
-    from ac_experiments.recording import Recording
+    from ac_experiments.bags.reader import RawBag
     from ac_experiments.study.cases import Case
     from ac_experiments.study.results import Store
 
@@ -201,6 +201,7 @@ def rerun(folder: str, number: int, out: Path | None, graph: bool, passive: bool
     The folder of the results gets scenario.yaml, and plant.yaml where the study varies the plant.
     """
     from ac_common.yaml_file import parsed
+    from ac_experiments.bags.reader import recording_of
     from ac_experiments.study.cases import Cases
     from ac_experiments.study.results import STUDY
     from ac_experiments.study.runs import designs_for, figures, hold_s, made_with, play
@@ -214,11 +215,12 @@ def rerun(folder: str, number: int, out: Path | None, graph: bool, passive: bool
     where = prepare_folder(out or Path("results") / case.scenario.name, force)
     plant = _write_case(case, where)
     if graph:
-        recording = _through_the_graph(case, where, plant, passive)
+        raw = _through_the_graph(case, where, plant, passive)
+        recording = recording_of(raw, where / "bag")
     else:
         with progress_bar(case.scenario.name):
-            recording = play(case, passive or None)
-    finish(recording, where, as_json, where / "bag" if graph else None)
+            raw, recording = None, play(case, passive or None)
+    finish(recording, where, as_json, raw)
     if not passive:
         row = figures(recording, hold_s(designs_for(case.scenario).fdi))
         _compare_with_row(store, number, row, made_with())
@@ -237,12 +239,12 @@ def _write_case(case: "Case", folder: Path) -> Path | None:
     return (folder / "plant.yaml").absolute()
 
 
-def _through_the_graph(case: "Case", folder: Path, plant: Path | None, passive: bool) -> "Recording":
+def _through_the_graph(case: "Case", folder: Path, plant: Path | None, passive: bool) -> "RawBag":
     """Run a case as a graph of nodes: the plant's own parameters reach the plant and the scenario, not the designs."""
     import sys
 
     from ac_common.topics import PLANT, SCENARIO
-    from ac_experiments.bags.reader import read_bag
+    from ac_experiments.bags.reader import read_raw
     from ac_plant_node.parameters.file import PLANT_VARIABLE
     from ac_ros_common.installation import check_environment
     from bringup.launch.launch import run_graph
@@ -259,7 +261,7 @@ def _through_the_graph(case: "Case", folder: Path, plant: Path | None, passive: 
             run_graph(case.scenario, folder, passive=passive or None, progress=progress, user=user, say=say)
         except UserError as problem:
             raise RunError(str(problem)) from problem
-    return read_bag(folder / "bag")
+    return read_raw(folder / "bag")
 
 
 def _compare_with_row(store: "Store", number: int, row: dict[str, Any], code: str) -> None:
