@@ -5,11 +5,11 @@ import gzip
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from ac_experiments.report import matplotlib_charts
 from ac_experiments.report.charts import Chart
 from ac_experiments.report.parts import Plot
+from ac_experiments.report.plotly_charts import NARROW, WIDE, figure, library
 
 #: Of a still picture, by columns: size of each plot, so that letters are as large on paper in all of them.
 _SIZES_IN = {1: (11.2, 2.55), 2: (5.6, 2.55), 3: (3.75, 2.3)}
@@ -47,15 +47,11 @@ class Plots:
 
         `name` goes to the picture's file name.
         """
-        from ac_experiments.report.plotly_charts import NARROW, WIDE, figure  # takes half a second to import
-
         still_columns = still_columns or columns
         size_in = _SIZES_IN[still_columns]
         moving = figure(charts, columns, WIDE)
-        narrow = json.dumps(json.loads(figure(charts, 1, NARROW).to_json())["layout"])
-        of_wide: dict[str, Any] = json.loads(moving.to_json())
-        data, layout = json.dumps(of_wide["data"]), json.dumps(of_wide["layout"])
-        self._figures[f"plots{name}"] = f'{{"data": {data}, "wide": {layout}, "narrow": {narrow}}}'
+        wide, narrow = moving["layout"], figure(charts, 1, NARROW)["layout"]
+        self._figures[f"plots{name}"] = json.dumps({"data": moving["data"], "wide": wide, "narrow": narrow})
         if self._pictures is None:
             still = matplotlib_charts.draw(charts, still_columns, title, size_in)
         else:
@@ -63,13 +59,11 @@ class Plots:
                 charts, self._pictures.with_name(self._pictures.name + name), still_columns, title, size_in
             )
         picture = base64.b64encode(still.encode()).decode()
-        return Plot(f"plots{name}", title, moving.layout.height, picture)
+        return Plot(f"plots{name}", title, wide["height"], picture)
 
     def script(self) -> str:
         """Return the plotting library and all plots as the page unpacks them: gzip in base64, half the size."""
-        from plotly.offline import get_plotlyjs
-
         figures = ", ".join(f'"{name}": {moving}' for name, moving in self._figures.items())
         config = {"responsive": True, "displaylogo": False, "toImageButtonOptions": {"format": "svg", "scale": 1}}
-        text = f"{get_plotlyjs()}\nconst plots = {{{figures}}}, config = {json.dumps(config)};{_DRAW}"
-        return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()
+        text = f"{library()}\nconst plots = {{{figures}}}, config = {json.dumps(config)};{_DRAW}"
+        return base64.b64encode(gzip.compress(text.encode(), 6, mtime=0)).decode()

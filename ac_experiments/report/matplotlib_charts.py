@@ -148,7 +148,9 @@ def _chart(axes: "Axes", chart: Chart, is_narrow: bool) -> None:
         )
     for points in chart.points:
         _points(axes, points)
-    axes.set_title(mathtext(chart.title), loc="left", fontsize=9.5, fontweight="bold", pad=31 if is_narrow else 20)
+    axes.set_title(
+        mathtext(chart.title), loc="left", fontsize=9.5, fontweight="bold", y=1.0, pad=31 if is_narrow else 20
+    )
     axes.set_xlabel(mathtext(chart.x_title))
     axes.set_ylabel(mathtext(chart.y_title))
     axes.grid(True)

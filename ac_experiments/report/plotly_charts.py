@@ -1,12 +1,19 @@
-"""Plots for the page: zoom, pan and hover, by plotly."""
+"""Plots for the page: zoom, pan and hover, by plotly.
 
+They are written as plotly.js reads them; plotly's classes for that take a second to load and to check what is known.
+"""
+
+import base64
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from ac_experiments.report.charts import BLACK, GREY, SHADE, Chart, Curve, Points
@@ -36,19 +43,18 @@ _COLUMN_GAP = 0.085
 _SYMBOLS = {"triangle": ("triangle-up-open", 14), "diamond": ("diamond", 10)}
 
 
-def figure(charts: Sequence[Chart], columns: int = 2, sizes: Sizes = WIDE) -> Any:
+def figure(charts: Sequence[Chart], columns: int = 2, sizes: Sizes = WIDE) -> dict[str, Any]:
     """Return all `charts` in one figure, row by row in `columns`; those in a column zoom along x together.
 
     Returns
     -------
-    plotly.graph_objects.Figure
-        A legend above each plot, and one for the marks of all above the whole.
+    dict
+        ``data`` and ``layout``, ready for JSON. A legend above each plot, and one for the marks of all above the whole.
     """
     rows = math.ceil(len(charts) / columns)
     height = sizes.top + rows * (sizes.plot + sizes.gap) - sizes.gap + sizes.bottom
     area = height - sizes.top - sizes.bottom
-    # All at once in the end: plotly looks through those that are there with each that is added.
-    traces: list[Any] = []
+    traces: list[dict[str, Any]] = []
     shapes: list[dict[str, Any]] = []
     titles: list[dict[str, Any]] = []
     layout: dict[str, Any] = {}
@@ -111,7 +117,27 @@ def figure(charts: Sequence[Chart], columns: int = 2, sizes: Sizes = WIDE) -> An
         "hovermode": "x unified",
         "dragmode": "zoom",
     }
-    return go.Figure(traces, {**layout, "shapes": shapes, "annotations": titles})
+    layout |= {"shapes": shapes, "annotations": titles, "template": _template()}
+    return {"data": [{**trace, "type": "scatter"} for trace in traces], "layout": layout}
+
+
+def library() -> str:
+    """Return plotly.js."""
+    return _of_plotly("plotly.min.js")
+
+
+@cache
+def _template() -> dict[str, Any]:
+    template: dict[str, Any] = json.loads(_of_plotly("templates/plotly.json"))
+    return template
+
+
+def _of_plotly(name: str) -> str:
+    """Return a file of plotly's, without loading plotly."""
+    spec = find_spec("plotly")
+    assert spec is not None
+    assert spec.origin is not None
+    return (Path(spec.origin).parent / "package_data" / name).read_text(encoding="utf-8")
 
 
 def _upright(axis: str, start: float, stop: float) -> dict[str, Any]:
@@ -138,22 +164,30 @@ def _axes(
     return {f"xaxis{axis}": x, f"yaxis{axis}": y}
 
 
-def _line(curve: Curve, axis: str, rank: int) -> Any:
+def _line(curve: Curve, axis: str, rank: int) -> dict[str, Any]:
     shape = "hv" if curve.step else "linear"
-    return go.Scatter(
+    return {
         **_abscissa(curve.x),
-        y=curve.y.astype(np.float32),
-        name=curve.name,
-        mode="lines",
-        line={"color": curve.colour, "dash": curve.dash, "width": curve.width, "shape": shape},
-        xaxis=f"x{axis}",
-        yaxis=f"y{axis}",
-        legend=f"legend{axis}",
-        legendrank=rank,
-        showlegend=bool(curve.name),
-        hovertemplate=f"%{{y:{curve.digits}}} {curve.unit}".rstrip(),
-        hoverinfo=None if curve.name and len(curve.x) > 2 else "skip",
-    )
+        "y": _array(curve.y.astype(np.float32)),
+        "name": curve.name,
+        "mode": "lines",
+        "line": {"color": curve.colour, "dash": curve.dash, "width": curve.width, "shape": shape},
+        "xaxis": f"x{axis}",
+        "yaxis": f"y{axis}",
+        "legend": f"legend{axis}",
+        "legendrank": rank,
+        "showlegend": bool(curve.name),
+        "hovertemplate": f"%{{y:{curve.digits}}} {curve.unit}".rstrip(),
+        **({} if curve.name and len(curve.x) > 2 else {"hoverinfo": "skip"}),
+    }
+
+
+def _array(values: NDArray[np.float32 | np.float64]) -> dict[str, str] | list[float]:
+    """Return numbers as plotly.js unpacks them."""
+    if not len(values):
+        return []
+    little = values.astype(values.dtype.newbyteorder("<"), copy=False)
+    return {"dtype": f"f{values.dtype.itemsize}", "bdata": base64.b64encode(little.tobytes()).decode()}
 
 
 def _abscissa(x: NDArray[np.float64]) -> dict[str, Any]:
@@ -162,47 +196,37 @@ def _abscissa(x: NDArray[np.float64]) -> dict[str, Any]:
     if len(x) > 2 and np.allclose(steps, steps[0], rtol=0.0, atol=1e-6):
         return {"x0": float(x[0]), "dx": float(steps[0])}
     # A float of four bytes tells milliseconds apart up to four and a half hours.
-    return {"x": x.astype(np.float32) if abs(x).max(initial=0.0) < 2**14 else x}
+    return {"x": _array(x.astype(np.float32) if abs(x).max(initial=0.0) < 2**14 else x)}
 
 
-def _markers(points: Points, axis: str) -> Any:
+def _markers(points: Points, axis: str) -> dict[str, Any]:
     symbol, size = _SYMBOLS[points.symbol]
-    return go.Scatter(
-        x=list(points.x),
-        y=list(points.y),
-        name=points.name,
-        mode="markers",
-        marker={"symbol": symbol, "size": size, "color": points.colour, "line": {"width": 1.5, "color": points.colour}},
-        xaxis=f"x{axis}",
-        yaxis=f"y{axis}",
-        legend=f"legend{axis}",
-        legendrank=40,
-        hovertemplate=f"{points.name} {points.hover}<extra></extra>",
-    )
+    edge = {"width": 1.5, "color": points.colour}
+    return {
+        "x": [float(x) for x in points.x],
+        "y": [float(y) if math.isfinite(y) else None for y in points.y],
+        "name": points.name,
+        "mode": "markers",
+        "marker": {"symbol": symbol, "size": size, "color": points.colour, "line": edge},
+        "xaxis": f"x{axis}",
+        "yaxis": f"y{axis}",
+        "legend": f"legend{axis}",
+        "legendrank": 40,
+        "hovertemplate": f"{points.name} {points.hover}<extra></extra>",
+    }
 
 
-def _explained_marks(charts: Sequence[Chart], number: int) -> list[Any]:
+def _explained_marks(charts: Sequence[Chart], number: int) -> list[dict[str, Any]]:
     """Return the traces of one legend above the whole: what the vertical lines and the shaded times are."""
     look = {"x": [None], "y": [None], "legend": f"legend{number}", "hoverinfo": "skip"}
     spans = {span.name: span for chart in charts for span in chart.spans}
     marks = {mark.name: mark for chart in charts for mark in chart.marks}
+    squares = {
+        name: {"symbol": "square", "size": 12, "color": span.colour, "opacity": 2 * SHADE}
+        for name, span in spans.items()
+    }
+    lines = {name: {"color": mark.colour, "dash": mark.dash, "width": 1.6} for name, mark in marks.items()}
     return [
-        *(
-            go.Scatter(
-                name=span.name,
-                mode="markers",
-                marker={"symbol": "square", "size": 12, "color": span.colour, "opacity": 2 * SHADE},
-                **look,
-            )
-            for span in spans.values()
-        ),
-        *(
-            go.Scatter(
-                name=mark.name,
-                mode="lines",
-                line={"color": mark.colour, "dash": mark.dash, "width": 1.6},
-                **look,
-            )
-            for mark in marks.values()
-        ),
+        *({"name": name, "mode": "markers", "marker": square, **look} for name, square in squares.items()),
+        *({"name": name, "mode": "lines", "line": line, **look} for name, line in lines.items()),
     ]
