@@ -1,13 +1,10 @@
 """YAML, read and written in one way: numbers as YAML 1.2 has them, no key twice, an end to every file that is read."""
 
-import io
 import re
 from pathlib import Path
 from typing import Any
 
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
-from ruamel.yaml.representer import SafeRepresenter
+import yaml
 
 from ac_common.errors import UserError, shortened
 
@@ -15,7 +12,7 @@ from ac_common.errors import UserError, shortened
 LARGEST_FILE = 250_000
 
 #: What the parser lets through besides its own errors: a date that is none, a number too long, nesting without end.
-_PROBLEMS = (YAMLError, ValueError, TypeError, LookupError, AttributeError, RecursionError, AssertionError)
+_PROBLEMS = (ValueError, TypeError, LookupError, AttributeError, RecursionError, AssertionError)
 
 #: The parser's words for it.
 _TWICE = re.compile(r'found duplicate key "?(.*?)"? with value .*', re.DOTALL)
@@ -39,9 +36,12 @@ def parsed(text: str, what: str) -> Any:
     UserError
         In one line: what is wrong, and in which line and column.
     """
+    from ruamel.yaml import YAML  # no node reads YAML, most of them write it
+    from ruamel.yaml.error import YAMLError
+
     try:
         return YAML(typ="safe", pure=True).load(text)
-    except _PROBLEMS as problem:
+    except (YAMLError, *_PROBLEMS) as problem:
         why = "nested too deeply" if isinstance(problem, RecursionError) else _why(problem)
         raise UserError(f"{what}: {why}") from None
 
@@ -81,17 +81,13 @@ def yaml_text(content: Any, width: int = 80, flow: bool = False) -> str:
 
     What stands twice in it is written twice.
     """
-    yaml = YAML(typ="safe", pure=True)
-    yaml.Representer = _Representer
-    yaml.default_flow_style = flow
-    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
-    yaml.width = width
-    stream = io.StringIO()
-    yaml.dump(content, stream)
-    return stream.getvalue()
+    text: str = yaml.dump(
+        content, Dumper=_Writer, default_flow_style=flow, sort_keys=False, width=width, allow_unicode=True
+    )
+    return text
 
 
-class _Representer(SafeRepresenter):
+class _Writer(yaml.CSafeDumper):  # type: ignore[misc]
     """Quotes text that another reader might take for something else; never refers to what has been written before."""
 
     def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002
@@ -100,11 +96,5 @@ class _Representer(SafeRepresenter):
     def represent_str(self, data: str) -> Any:
         return self.represent_scalar("tag:yaml.org,2002:str", data, style=None if _PLAIN.fullmatch(data) else "'")
 
-    def represent_float(self, data: float) -> Any:
-        text = super().represent_float(data)
-        text.value = re.sub(r"^(-?\d+)e", r"\1.0e", text.value)  # in YAML 1.1 a number has a point
-        return text
 
-
-_Representer.add_representer(str, _Representer.represent_str)
-_Representer.add_representer(float, _Representer.represent_float)
+_Writer.add_representer(str, _Writer.represent_str)

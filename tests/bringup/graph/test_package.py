@@ -32,6 +32,7 @@ def test_what_is_imported_is_declared_and_the_recipe_for_colcon_has_it() -> None
     names = {
         "Jinja2": "jinja2",
         "MarkupSafe": "markupsafe",
+        "PyYAML": "yaml",
         "ros-jazzy-rclpy": "rclpy",
         "ruamel.yaml": "ruamel",
         "foxglove-sdk": "foxglove",
@@ -47,7 +48,7 @@ def test_what_is_imported_is_declared_and_the_recipe_for_colcon_has_it() -> None
     foreign = used - set(sys.stdlib_module_names) - set(PACKAGES) - messages
     assert foreign - {"ament_index_python"} <= modules  # that one belongs to rclpy
     recipe = (ROOT / "docs" / "ros2.md").read_text().partition("pip install")[2]
-    installed = {"numpy", "scipy", "psutil", "ros-jazzy-rclpy", "ros-jazzy-common-interfaces"}
+    installed = {"numpy", "scipy", "psutil", "PyYAML", "ros-jazzy-rclpy", "ros-jazzy-common-interfaces"}
     assert [name for name in declared - installed if not re.search(rf"\b{name}\b", recipe)] == []
 
 
