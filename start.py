@@ -110,10 +110,21 @@ def make_environment(level: int) -> None:
     remedy = "see the lines above; a network or disk problem is the usual cause"
     call([*pip, "--require-hashes", "-r", LEVELS[level]], "the pinned packages could not be installed", remedy)
     # A file that does not compile (a template, code for another Python) is none of ours.
-    with subprocess.Popen([python, "-m", "compileall", "-qq", "-j", "0", "-x", NO_BYTECODE, str(VENV / "lib")]):
+    with subprocess.Popen(compiling(VENV / "lib")):
         call([*pip, "--no-deps", "--editable", "."], "acftc itself could not be installed", remedy)
     (VENV / "COLCON_IGNORE").touch()  # it may stand in a workspace
     (VENV / "acftc-environment").write_text(f"{wanted()} {level}")
+
+
+def compiling(*further: Path) -> list:
+    """Return a command that compiles our own packages, and `further` folders, to bytecode where they are not yet.
+
+    A run starts eight processes at once: without it each would compile the same, and all do again and again where
+    PYTHONDONTWRITEBYTECODE is set.
+    """
+    own = [str(file.parent) for file in sorted(HERE.glob("*/__init__.py"))]
+    python = str(VENV / "bin" / "python")
+    return [python, "-m", "compileall", "-qq", "-j", "0", "-x", NO_BYTECODE, *own, *map(str, further)]
 
 
 def main() -> None:
@@ -130,6 +141,8 @@ def main() -> None:
             "did you mean acftc, pytest, ruff, mypy or python?",
         )
     # A ROS installation that happens to be sourced would come before the one in the environment.
+    if sys.argv[1] == "pytest":  # it starts a thousand processes
+        subprocess.run(compiling(), check=False)
     own, _ = without_foreign(os.environ, VENV)
     environment = dict(own, PATH="{}{}{}".format(bin_dir, os.pathsep, os.environ.get("PATH", "")))
     environment["VIRTUAL_ENV"] = str(VENV)

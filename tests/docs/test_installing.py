@@ -84,3 +84,11 @@ def test_workflow_and_container_do_what_the_readme_does() -> None:
     assert any(name == "RUN" and what.startswith(first) for name, what in instructions)
     ignored = (ROOT / ".dockerignore").read_text().split()
     assert {".git", ".venv", "results"} <= set(ignored)
+
+
+def test_bytecode_is_made_of_our_packages_and_what_is_added(tmp_path: Path) -> None:
+    (tmp_path / "more.py").write_text("more = 1\n")
+    command = [sys.executable, *start.compiling(tmp_path)[1:]]
+    assert subprocess.run(command, check=False).returncode == 0
+    assert list(tmp_path.glob("__pycache__/more.*.pyc"))
+    assert {str(ROOT / name) for name in ("ac_common", "bringup", "gimc")} < set(command)
