@@ -9,7 +9,6 @@ import json
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields
-from statistics import median
 from typing import Any, Self
 
 #: What a node announces when it does nothing out of the ordinary any more.
@@ -306,7 +305,7 @@ def health_of(reports: Iterable[tuple[str, Mapping[str, str]]]) -> list[NodeHeal
         NodeHealth(
             name=name,
             state=rows[-1].state,
-            latency_p50_ms=median(_known(row.latency_p50_ms for row in rows) or [math.nan]),
+            latency_p50_ms=_median(_known(row.latency_p50_ms for row in rows)),
             latency_max_ms=max(_known(row.latency_max_ms for row in rows), default=math.nan),
             overruns=sum(_ends([row.overruns for row in rows if row.overruns is not None])),
             rejected_inputs=rows[-1].rejected_inputs or 0,
@@ -319,6 +318,12 @@ def health_of(reports: Iterable[tuple[str, Mapping[str, str]]]) -> list[NodeHeal
 def _ends(values: list[int]) -> list[int]:
     """Return the last value of a counter in each life of a node: one that was started again counts from 0."""
     return [value for i, value in enumerate(values) if i + 1 == len(values) or values[i + 1] < value]
+
+
+def _median(values: Iterable[float]) -> float:
+    """Return the median, nan of nothing; the module that has it takes longer to load than a node may."""
+    ordered = sorted(values)
+    return 0.5 * (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2]) if ordered else math.nan
 
 
 def _known(values: Iterable[float]) -> list[float]:

@@ -46,6 +46,14 @@ def parsed(text: str, what: str) -> Any:
         raise UserError(f"{what}: {why}") from None
 
 
+def shipped(path: Path) -> Any:
+    """Return the content of a YAML file that comes with the program: in a tenth of the time, and with no complaints.
+
+    Numbers need a point here, as in YAML 1.1.
+    """
+    return yaml.load(path.read_text(encoding="utf-8"), Loader=yaml.CSafeLoader)
+
+
 def _why(problem: Exception) -> str:
     """Return what is wrong with a text, and where, without the parser's advice to programmers."""
     said, mark = getattr(problem, "problem", None), getattr(problem, "problem_mark", None)

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from ac_common.errors import UserError, nearest, one_line, shortened
 from ac_common.faults import FAULTS, KINDS, STICKING, Fault
 from ac_common.units import KPA
-from ac_common.yaml_file import parsed, text_of, yaml_text
+from ac_common.yaml_file import parsed, shipped, text_of, yaml_text
 from ac_experiments.car_schema import Car, over_time
 from ac_experiments.drives import drive, seed_of
 from ac_experiments.scenario_schema import SHORTEST_S, Change, Scenario
@@ -190,7 +190,12 @@ def load(name_or_path: str | Path, overrides: Sequence[str] = (), *, whole: bool
     """
     seed = seed_of(str(name_or_path))
     path = _find(name_or_path) if seed is None else Path(str(name_or_path))
-    content = parsed(text_of(path), f"{path}: not valid YAML") if seed is None else drive(seed)
+    if seed is not None:
+        content: Any = drive(seed)
+    elif path.parent == BUILT_IN:
+        content = shipped(path)
+    else:
+        content = parsed(text_of(path), f"{path}: not valid YAML")
     if not isinstance(content, dict):
         msg = f"{path}: must hold keys and values such as 'duration_s: 600', not {_kind(content)}"
         raise UserError(msg)

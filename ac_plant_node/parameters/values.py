@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ac_common.yaml_file import parsed
+from ac_common import yaml_file
 
 NAMES = (
     "charge_kg",
@@ -160,8 +160,7 @@ def parameter_range(name: str) -> tuple[float, float]:
 @cache
 def shipped() -> dict[str, Any]:
     """Return the content of the shipped file: value, unit, range and reason of every parameter."""
-    text = Path(__file__).with_name("parameters.yaml").read_text(encoding="utf-8")
-    return dict(parsed(text, "parameters.yaml: not valid YAML"))
+    return dict(yaml_file.shipped(Path(__file__).with_name("parameters.yaml")))
 
 
 def digest(*parts: bytes) -> str:

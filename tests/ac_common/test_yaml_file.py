@@ -1,14 +1,16 @@
 """YAML as users write it, and as other programs read what acftc writes."""
 
 import math
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
+import ac_common
 from ac_common.errors import UserError
-from ac_common.yaml_file import LARGEST_FILE, parsed, text_of, yaml_text
+from ac_common.yaml_file import LARGEST_FILE, parsed, shipped, text_of, yaml_text
 
 #: As YAML can write it: no control characters but those of lines, no half of a pair.
 TEXT = st.text(st.characters(blacklist_categories=("Cs", "Cc"), whitelist_characters="\n"), max_size=20)
@@ -30,6 +32,14 @@ def test_readers_of_yaml_1_1_read_the_same(content: object) -> None:
     reader = YAML(typ="safe", pure=True)
     reader.version = "1.1"
     assert reader.load(yaml_text(content)) == content
+
+
+def test_what_comes_with_the_program_is_read_the_same_by_the_quick_reader() -> None:
+    root = Path(ac_common.__file__).parents[1]
+    files = [*root.glob("ac_*/**/scenarios/*.yaml"), *root.glob("ac_*/**/parameters.yaml")]
+    assert len(files) > 10
+    for file in files:
+        assert shipped(file) == parsed(text_of(file), str(file))
 
 
 def test_numbers_are_those_of_yaml_1_2() -> None:
