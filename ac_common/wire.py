@@ -101,6 +101,32 @@ def packer(topic: Topic) -> Packer:
     return pack
 
 
+def messages_of(topic: Topic, times_ns: NDArray[np.int64], values: Sequence[NDArray[np.float64]]) -> list[bytes]:
+    """Return many messages of one topic; the inverse of `columns`.
+
+    Parameters
+    ----------
+    topic
+        One that holds numbers, or the clock.
+    times_ns, values
+        Stamp of each message; for each of the topic's `series` the value in each message.
+
+    Returns
+    -------
+    list of bytes
+        As `packer` makes them, each filled up to a whole number of four bytes, as the middleware delivers them.
+    """
+    template, offsets = _template(topic)
+    template += bytes(-len(template) % 4)
+    table = np.tile(np.frombuffer(template, np.uint8), (len(times_ns), 1))
+    stamps = np.stack(np.divmod(times_ns, NANOSECONDS), axis=1).astype("<u4")
+    table[:, 4:12] = stamps.view(np.uint8)
+    for offset, column in zip(offsets, values, strict=True):
+        table[:, offset : offset + _DOUBLE.size] = np.ascontiguousarray(column, "<f8").view(np.uint8).reshape(-1, 8)
+    data, size = table.tobytes(), len(template)
+    return [data[at : at + size] for at in range(0, len(data), size)]
+
+
 def unpacker(topic: Topic) -> Callable[[bytes], tuple[int, tuple[float, ...]] | None]:
     """Return the inverse of `packer`, for a topic that holds numbers: stamp in ns and values of a message.
 

@@ -1,14 +1,16 @@
 """The bag of a loop in one process: the messages that the nodes of a lockstep run would have sent, byte by byte."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ac_common.design_file import ATTACHMENT, to_bytes
 from ac_common.errors import RunError
 from ac_common.health import HealthPart, HealthReport, PlantReport
 from ac_common.topics import BY_NAME, CAR, CLOCK, COMPENSATOR, CONTROLLER, FDI, NAMESPACE, PLANT, TOPICS, Topic
-from ac_common.wire import NANOSECONDS, Diagnostic, pack_diagnostics, packer
+from ac_common.wire import NANOSECONDS, Diagnostic, messages_of, pack_diagnostics, pack_status
 from ac_experiments.bags.recorder import BagWriter, recorded_topics
 from ac_experiments.designs import Designs, EnvelopeDesigns
 from ac_experiments.recording import Recording
@@ -48,13 +50,15 @@ def _write(folder: Path, recording: Recording, designs: Designs | EnvelopeDesign
     number_of = {topic.name: number for number, topic in enumerate(topics)}
     run = {key: value for key, value in recording.metadata.items() if key not in _RESULTS}
     bag = BagWriter(folder, topics, {**run, "ticks": len(recording.time_s)})
-    clock, tick = number_of["/clock"], packer(Topic("clock", CLOCK, "simulated time", PLANT))
-    senders = [(number_of[f"{NAMESPACE}/{topic.name}"], _messages(topic, recording)) for topic in _sent(recording)]
-    stamps = [round(time_s * NANOSECONDS) for time_s in recording.time_s.tolist()]
-    for stamp in stamps:
-        bag.write(clock, tick(stamp, ()), stamp, stamp)
-        for number, messages in senders:
-            if (data := next(messages)) is not None:
+    times_ns = np.rint(recording.time_s * NANOSECONDS).astype(np.int64)
+    clock = messages_of(Topic("clock", CLOCK, "simulated time", PLANT), times_ns, ())
+    sent: dict[int, Sequence[bytes | None]] = {number_of["/clock"]: clock}
+    for topic in _sent(recording):
+        sent[number_of[f"{NAMESPACE}/{topic.name}"]] = _messages(topic, recording, times_ns)
+    stamps = times_ns.tolist()
+    for stamp, messages in zip(stamps, zip(*sent.values(), strict=True), strict=True):
+        for number, data in zip(sent, messages, strict=True):
+            if data is not None:
                 bag.write(number, data, stamp, stamp)
     bag.write(number_of["/diagnostics"], _health(recording, stamps[-1]), stamps[-1], stamps[-1])
     for node, design in ((FDI, designs.fdi), (COMPENSATOR, designs.compensator), (CONTROLLER, designs.controller)):
@@ -68,25 +72,18 @@ def _sent(recording: Recording) -> list[Topic]:
     return [topic for topic in topics if topic == BY_NAME["fdi/status"] or topic.series[0] in recording.series]
 
 
-def _messages(topic: Topic, recording: Recording) -> Iterator[bytes | None]:
-    """Give the message of a topic for one tick after the other; None where it is silent."""
-    pack = packer(topic)
-    stamps = (round(time_s * NANOSECONDS) for time_s in recording.time_s.tolist())
-    rows: Sequence[Any]
+def _messages(topic: Topic, recording: Recording, times_ns: NDArray[np.int64]) -> Sequence[bytes | None]:
+    """Return the message of a topic for one tick after the other; None where it is silent."""
     if not topic.series:
-        rows = [(row,) for row in recording.status]
-    else:
-        rows = list(zip(*(recording.series[key].tolist() for key in topic.series), strict=True))
-    told: Any = None
-    for stamp, row in zip(stamps, rows, strict=True):
-        is_silent = topic.silent_at_zero and not any(row) and not any(told or ())
-        told = row
-        yield None if is_silent else _padded(pack(stamp, row))
-
-
-def _padded(data: bytes) -> bytes:
-    """Return a message as the middleware delivers it: a whole number of four bytes."""
-    return data + bytes(-len(data) % 4)
+        told = [pack_status(time_ns, row) for time_ns, row in zip(times_ns.tolist(), recording.status, strict=True)]
+        return [data + bytes(-len(data) % 4) for data in told]
+    values = [recording.series[key] for key in topic.series]
+    messages = messages_of(topic, times_ns, values)
+    if not topic.silent_at_zero:
+        return messages
+    is_heard = np.any([column != 0.0 for column in values], axis=0)
+    is_heard[1:] |= is_heard[:-1]  # the first zero is told
+    return [data if heard else None for data, heard in zip(messages, is_heard.tolist(), strict=True)]
 
 
 def _health(recording: Recording, time_ns: int) -> bytes:

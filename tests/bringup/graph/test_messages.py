@@ -17,7 +17,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from ac_common.errors import UserError
 from ac_common.fdi_status import StatusRow, status_row
 from ac_common.topics import BY_NAME, DIAGNOSTICS, TOPICS
-from ac_common.wire import pack_status, packer, read_diagnostics, stamp_ns
+from ac_common.wire import columns, messages_of, pack_status, packer, read_diagnostics, stamp_ns
 from ac_experiments.bags.reader import decode, read_bag, read_raw
 from ac_experiments.bags.recorder import BagWriter, RecordedTopic
 from ac_ros_common.messages import BadMessage, message_class, message_reader, reader
@@ -56,6 +56,11 @@ def test_numbers_pass_bit_for_bit(topic, places, time_ns):
         assert [struct.pack("<d", value) for value in decode(topic.name, encoded).values()] == bits
         assert stamp_ns(encoded) == time_ns
     assert len(serialize_message(message)) == len(data)
+    # Many at once are what each is by itself, whoever sent them.
+    (many,) = messages_of(topic, np.array([time_ns]), [np.array([value]) for value in values])
+    assert many == data + bytes(-len(data) % 4)
+    for column, bit in zip(columns(topic, [data, serialize_message(message)]), bits, strict=True):
+        assert [struct.pack("<d", value) for value in column] == [bit, bit]
 
 
 maybe_nan = st.floats(allow_infinity=False)
