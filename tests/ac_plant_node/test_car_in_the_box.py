@@ -6,7 +6,7 @@ import pytest
 from ac_common.signals import AirSide, CarSide
 from ac_common.units import RPM
 from ac_plant_node import POINTS
-from ac_plant_node.cabin import CabinState, Surroundings, cabin_energy, cabin_step
+from ac_plant_node.cabin import CabinParameters, CabinState, Surroundings, cabin_energy, cabin_step
 from ac_plant_node.car import Car, cabin_at_start
 from ac_plant_node.dynamics.integrator import LEAST_PRESSURE_PA
 from ac_plant_node.inputs import FAULT_HIGH, FAULT_LOW, INPUT_HIGH, INPUT_LOW, N_FAULTS
@@ -42,7 +42,7 @@ def drive(seed: int, seconds: float = 1800.0) -> tuple[np.ndarray, np.ndarray]:
     """Return least and largest values over a drive: outputs, acted inputs, cabin (two temperatures, humidity ratio)."""
     rng = np.random.default_rng(seed)
     car = Car(POINTS[seed % 3], random_start(rng))
-    plant, elapsed, rows = car.plant, 0.0, []
+    plant, cabin, elapsed, rows = car.plant, CabinParameters(), 0.0, []
     mass, energy = plant.refrigerant_mass_kg, plant.stored_energy_j
     while elapsed < seconds:
         given, duration_s = random_inputs(rng), float(rng.choice([0.1, 1.0, 5.0]))
@@ -52,9 +52,12 @@ def drive(seed: int, seconds: float = 1800.0) -> tuple[np.ndarray, np.ndarray]:
             before = car._state.cabin
             outputs = car.step(given, duration_s)
             elapsed += duration_s
-            after = cabin_step(before, *plant.vent_air, car.acted[2], around, duration_s)
+            after = cabin_step(before, *plant.vent_air, car.acted[2], around, duration_s, cabin)
             assert car._state.cabin == after.state
-            (energy_j, water_kg), (energy_after_j, water_after_kg) = cabin_energy(before), cabin_energy(after.state)
+            (energy_j, water_kg), (energy_after_j, water_after_kg) = (
+                cabin_energy(before, cabin),
+                cabin_energy(after.state, cabin),
+            )
             assert abs(energy_after_j - energy_j - after.energy_in_j) <= 1e-12 * 1e7
             assert abs(water_after_kg - water_kg - after.water_in_kg) <= 1e-14
             rows.append([*outputs, *car.acted, after.state.air_c, after.state.interior_c, after.state.humidity_ratio])
