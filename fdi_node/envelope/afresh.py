@@ -60,7 +60,8 @@ class Afresh:
                 deviations[N_STATES + i] = one.first / one.scale
             elif one.reported:
                 m.x[i] = deviations[N_STATES + i] = 0.0
-        m.P[:] = np.diag(deviations**2)
+        m.P[:] = 0.0
+        np.fill_diagonal(m.P, deviations**2)
         m.scalars[[TICKS, NIS, AGE]] = 0.0, 1.0, rules.constants[1]
         begin_all(m, rules)
         self.decision = EnvelopeDecision(other.limits, unknowns, self.flat, packed, other.isolation.is_open)
