@@ -21,8 +21,7 @@ from mcap.writer import MCAP0_MAGIC, Writer
 from ac_common.errors import UserError
 from ac_common.files import open_whole
 from ac_common.yaml_file import parsed
-from ac_experiments.bags.recorder import MENDED_RECORD, bag_files, span_of, write_metadata_file
-from ac_experiments.bags.writer import BagFile
+from ac_experiments.bags.recorder import MENDED_RECORD, bag_files, new_writer, span_of, write_metadata_file
 
 _METADATA = "metadata.yaml"
 #: What reading raises where a file was cut short, and where it is damaged (RuntimeError: lz4).
@@ -110,7 +109,7 @@ def _join(files: Sequence[Path]) -> dict[Path, int]:
     Returns the damaged ones, each with the number of messages before the damage; they stay, under another name.
     """
     with open_whole(files[0]) as target:
-        copy = _Copy(BagFile(target))
+        copy = _Copy(new_writer(target))
         for file in files:
             copy.add(file)
         if not copy.is_whole:

@@ -4,20 +4,25 @@ A writer that goes on after one that was killed adds a file of its own to the fo
 """
 
 import json
+import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
+
+from mcap.data_stream import RecordBuilder
+from mcap.writer import CompressionType, Writer
 
 from ac_common.delivery import DEADLINE_S, DEPTH
 from ac_common.errors import UserError
 from ac_common.files import put_whole
 from ac_common.topics import CLOCK, DIAGNOSTICS, NAMESPACE, OCCASIONAL, TICKED, TOPICS
 from ac_common.yaml_file import yaml_text
-from ac_experiments.bags.writer import BagFile, IndexOnDisk
 from ac_ros_common.type_definitions import definition, type_hash
 
+#: Small chunks: what is lost in a crash, and how long the writer stands still to compress one.
+CHUNK_BYTES = 64 * 1024
 #: What a killed recorder can lose at most, s.
 FLUSH_PERIOD_S = 0.25
 #: Name of the MCAP metadata record that says what was run.
@@ -92,7 +97,7 @@ class BagWriter:
         self._first_ns: int | None = None
         self._last_ns = 0
         self._stream = self._file.open("wb")
-        self._writer = BagFile(self._stream)
+        self._writer = new_writer(self._stream)
         self._index = IndexOnDisk(folder)
         self._writer.add_metadata(RUN_RECORD, {"run": self._run})
         schemas: dict[str, int] = {}
@@ -168,6 +173,35 @@ class BagWriter:
         write_metadata_file(self.folder / "metadata.yaml", content)
 
 
+class IndexOnDisk:
+    """The index of a file's chunks, kept in a nameless file beside it until the end.
+
+    The writer keeps some kilobytes for each chunk: at 50 Hz that is 10 kB a second of a run, for ever.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115  (open for as long as the bag is)
+
+    def take_from(self, writer: Writer) -> None:
+        """Move what the writer has in memory to the disk; at the end it finds all of it here."""
+        kept: list[Any] = writer._Writer__chunk_indices  # type: ignore[attr-defined]  # no other way to it
+        builder = RecordBuilder()
+        for index in kept:
+            if index is not self:
+                index.write(builder)
+        self._file.write(builder.end())  # type: ignore[no-untyped-call]
+        kept[:] = [self]
+
+    def write(self, builder: RecordBuilder) -> None:
+        """Write all records, as the index of one chunk writes its own."""
+        self._file.seek(0)
+        builder.write(self._file.read())
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._file.close()
+
+
 def bag_files(folder: Path) -> list[Path]:
     """Return the files of a bag in the order in which they were written."""
 
@@ -188,6 +222,13 @@ def span_of(first_ns: int, last_ns: int, count: int) -> dict[str, Any]:
 
 
 _NOTHING = span_of(0, 0, 0)
+
+
+def new_writer(stream: IO[bytes]) -> Writer:
+    """Return a writer of a file of a bag, begun."""
+    writer = Writer(stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, use_summary_offsets=False)
+    writer.start(profile="ros2", library="acftc")
+    return writer
 
 
 def write_metadata_file(path: Path, content: Mapping[str, Any]) -> None:

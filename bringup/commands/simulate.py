@@ -26,7 +26,7 @@ from bringup.commands.outcome import finish, load_scenario, prepare_folder
     "--bag/--no-bag",
     "with_bag",
     default=True,
-    help="Leave the bag away: a second less for each 1000 s of the run.",
+    help="Leave the bag away: two seconds less for each 1000 s of the run.",
 )
 @click.pass_context
 def simulate(
