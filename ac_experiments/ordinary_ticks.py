@@ -81,12 +81,38 @@ def _read(
 
 
 @_compile
+def _tell(m: Memory, outlet: Array, row: Array, air: Array, reading: Array, told: Array) -> None:
+    """Tell the observer what is read; `air`: the flow through the evaporator comes first."""
+    reading[:] = row[READINGS:INLETS_READ]
+    if outlet.size > 0:
+        take_outlet_temperature(m.out, m.scalars, outlet, reading, reading[0])
+    told[AIR_C], told[_CONDENSER_AIR_C], told[_AIR] = row[INLETS_READ], row[INLETS_READ + 1], air[0]
+
+
+@_compile
 def _show(m: Memory, rules: Rules, thresholds: Array, row: Array, found: Array) -> None:
     """Note what the detector says, as a `Detection` has it."""
     for i in range(3):
         row[INNOVATION + i] = m.e[i] * (-READING_SCALE[i] if rules.R[i] < np.inf else -0.0)
     for i in range(2):
         row[RESIDUAL + i], found[i] = m.x[i], thresholds[i]
+
+
+@_compile
+def _protect(controller: Array, caps: Array, guards: Array, measured: Array) -> int:
+    """Do as `FallbackController` does with its caps."""
+    speed, opening = controller[LAST], controller[LAST + 1]
+    capped: int = move_caps(caps, guards, measured[0], measured[1], measured[3], speed, opening)
+    controller[CAPS], controller[CAPS + 1] = min(caps[0, 0], caps[2, 0]), caps[1, 0]
+    return capped
+
+
+@_compile
+def _send(command: Array, compensator: Array, row: Array, told: Array) -> None:
+    """Note q and command, and tell the command to compensator and observer."""
+    row[Q_MADE:COMMANDED] = compensator[Q : Q + 2]
+    row[COMMANDED:ACTUATOR] = compensator[COMMAND : COMMAND + 2] = command
+    told[SPEED], told[OPENING] = command[0], command[1]
 
 
 @_compile
@@ -153,12 +179,7 @@ def ordinary_ticks(
         if k > first or stage == SENSE:
             _read(results, inlets, noise[k], faulty, stuck[k], saturation, before, row)
             if diagnoses != 0:
-                reading[:] = measured
-                if outlet.size > 0:
-                    take_outlet_temperature(m.out, m.scalars, outlet, reading, reading[0])
-                told[AIR_C], told[_CONDENSER_AIR_C] = row[INLETS_READ], row[INLETS_READ + 1]
-                if is_told_air != 0:
-                    told[_AIR] = air[k, 0]
+                _tell(m, outlet, row, air[k] if is_told_air != 0 else told[_AIR:], reading, told)
                 take(m, integration, rules, reading, told, tables)
             if may_act == 0 or changes[k] != 0.0:
                 return k, CONCLUDE
@@ -176,18 +197,14 @@ def ordinary_ticks(
             pressure, superheat, acts = bounds(
                 air_curve, limits[0], limits[1], limits[2], reference[0], reference[1], row[INLETS_READ]
             )
-            capped = move_caps(caps, guards, measured[0], measured[1], measured[3], command[0], command[1])
-            said[k, 1] = acts + BOUNDS * capped
-            controller[CAPS], controller[CAPS + 1] = min(caps[0, 0], caps[2, 0]), caps[1, 0]
+            said[k, 1] = acts + BOUNDS * _protect(controller, caps, guards, measured)
             with_k0(
                 controller, k0, n_k0, pressure, superheat, measured[0], measured[1],
                 1, compensator[Q], compensator[Q + 1],
             )  # fmt: skip
             if np.isnan(command[0] + command[1]):
                 return k, GIVE_UP
-            row[Q_MADE:COMMANDED] = compensator[Q : Q + 2]
-            row[COMMANDED:ACTUATOR] = compensator[COMMAND : COMMAND + 2] = command
-            told[SPEED], told[OPENING] = command[0], command[1]
+            _send(command, compensator, row, told)
             if diagnoses != 0 and go_on_to_next(m, integration, rules, told, tables) != 0:
                 return k, LOST
         _drive(results, inlets, command, faulty, air[k], row, driven)

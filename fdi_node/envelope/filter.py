@@ -115,6 +115,9 @@ def _renew_when_due(m: Memory, k: Work, rules: Rules, told: Array, tab: Tables) 
             linearise(k, m.x, rules.rows, told, rules.nominal, m.par, tab, step, m.A, m.C)
             if not transition(k, m.A, rules.constants[0], m.F):
                 hold(m.F)
+        for i in range(N_STATES):
+            for j in range(n):
+                m.turned[j, i] = m.F[i, j]
         slope = scalars[SLOPE] * READING_SCALE[0] / READING_SCALE[1]
         for j in range(n):
             if j < N_STATES or int(rules.rows[j - N_STATES, PLACE]) != READING:
@@ -168,8 +171,7 @@ def correct(m: Memory, rules: Rules) -> None:
     dz, gains, G = m.dz, m.gains, m.G
     for i in range(m.P.shape[0]):
         dz[i] = 0.0
-    for r in range(N_READINGS):
-        combine(m.C[r], m.V, G[r])
+    combine(m.C, m.V, G)
     for r in range(N_READINGS):
         m.white[r], m.sizes[r], gains[r] = 0.0, 1.0, 0.0
         if not rules.R[r] < np.inf:
@@ -291,14 +293,10 @@ def go_on_to_next(m: Memory, k: Work, rules: Rules, told: Array, tab: Tables) ->
 def propagate_covariance(m: Memory, y: Array, rules: Rules, n: int) -> None:
     """P <- F P F' + Q of the first n states, no standard deviation above `MOST_SD`."""
     P, F, h = m.P, m.F, rules.constants[0]
-    M, FT, D, columns = m.FP, m.turned, m.FPF, m.columns
+    M, D, columns = m.FP, m.FPF, m.columns
     count = terms(rules.rows, P, False, columns)
     multiply(F, P, columns, count, filled_up(n), M)
-    for at in range(count):
-        k = int(columns[at])
-        for i in range(N_STATES):
-            FT[k, i] = F[i, k]
-    multiply(M, FT, columns, count, FT.shape[1], D)
+    multiply(M, m.turned, columns, count, m.turned.shape[1], D)
     for i in range(N_STATES):
         for j in range(i + 1):
             P[i, j] = P[j, i] = D[i, j]

@@ -82,15 +82,15 @@ class Memory(NamedTuple):
     integration vector before the last correction and after it; `par`, `held`: the plant's, unknowns included; `e`, `s`
     (4,): innovations and their standard deviations; `white`, `sizes` (4,): innovations of the readings one after the
     other over theirs, and these; `P` (n, n), `A`, `F` (12, n), `C`, `PC` (4, n): covariance, Jacobian, transition,
-    Jacobian of the readings, C P, all in units of the scales; `V` (n, w q + 11 a), `S`, `d` (w q + 11 a,): as in
-    `jumps`, of the jumps in w windows, then of each of the a abrupt ones from each of the last ticks on, and of the one
-    that is kept; `age` (w + 11 a,): ticks of each; `telling`, `opening` (w,): a window's largest ratio, the valve's
-    opening when it began; `ratios`, `best` (q,): of each jump the largest ratio, and which beginning it is of; `past`
-    (10, 2, w q + 11 a): S and d before each of the last ticks.
+    Jacobian of the readings, C P, all in units of the scales; `turned` (n, 12): the transition's transpose; `V`
+    (n, w q + 11 a), `S`, `d` (w q + 11 a,): as in `jumps`, of the jumps in w windows, then of each of the a abrupt ones
+    from each of the last ticks on, and of the one that is kept; `age` (w + 11 a,): ticks of each;
+    `telling`, `opening` (w,): a window's largest ratio, the valve's opening when it began; `ratios`, `best` (q,): of
+    each jump the largest ratio, and which beginning it is of; `past` (10, 2, w q + 11 a): S and d before each of the
+    last ticks.
 
     The rest is room: `step`, `dz` (n,): steps of the differences, the correction; `gains` (4,), `G` (4, w q + 11 a):
-    of the readings; `columns`: as `products.terms`; `FP`, `FPF` (12, .), `turned` (n, 12), `FV` (12, w q + 11 a):
-    products and the transition's transpose.
+    of the readings; `columns`: as `products.terms`; `FP`, `FPF` (12, .), `FV` (12, w q + 11 a): products.
 
     Each part begins at a multiple of `LANES` numbers, and rows of P, C P, V, S, d and of room are filled up with zeros
     to such a multiple: loops along them take so many numbers at a time, and none is left over.
@@ -113,6 +113,7 @@ class Memory(NamedTuple):
     F: Array
     C: Array
     PC: Array
+    turned: Array
     V: Array
     S: Array
     d: Array
@@ -129,7 +130,6 @@ class Memory(NamedTuple):
     columns: Array
     FP: Array
     FPF: Array
-    turned: Array
     FV: Array
 
 
@@ -144,53 +144,60 @@ def filled_up(size: int) -> int:
 
 @jit
 def _layout(m: int, q: int) -> NDArray[np.int64]:
-    """Return where each part of `Memory` begins, and where the last one ends."""
-    n, w, width = N_STATES + m, filled_up(N_STATES + m), filled_up(N_WINDOWS * q + N_BEGINNINGS - N_WINDOWS)
-    sizes = (
-        N_WORK, N_SCALARS, m, N_READINGS, N_STATES, N_STATES, N_PARAMETERS, N_HELD, N_READINGS, N_READINGS, N_READINGS,
-        N_READINGS, n * w, N_STATES * n, N_STATES * n, N_READINGS * n, N_READINGS * w, n * width, width, width,
-        N_BEGINNINGS, N_WINDOWS, N_WINDOWS, q, q, N_ONSETS * 2 * width, n, n, N_READINGS, N_READINGS * width, w,
-        N_STATES * w, N_STATES * filled_up(N_STATES), n * filled_up(N_STATES), N_STATES * width,
+    """Return of each part of `Memory`, and of what is behind the last, where it begins, its rows and their length."""
+    n, w = N_STATES + m, N_WINDOWS * q + N_BEGINNINGS - N_WINDOWS
+    line, filled, wide, states = 1, filled_up(n), filled_up(w), filled_up(N_STATES)
+    parts = (
+        (line, N_WORK), (line, N_SCALARS), (line, m), (line, N_READINGS), (line, N_STATES), (line, N_STATES),
+        (line, N_PARAMETERS), (line, N_HELD), (line, N_READINGS), (line, N_READINGS), (line, N_READINGS),
+        (line, N_READINGS), (n, filled), (N_STATES, n), (N_STATES, n), (N_READINGS, n), (N_READINGS, filled),
+        (n, states), (n, wide), (line, wide), (line, wide), (line, N_BEGINNINGS), (line, N_WINDOWS), (line, N_WINDOWS),
+        (line, q), (line, q), (N_ONSETS * 2, wide), (line, n), (line, n), (line, N_READINGS), (N_READINGS, wide),
+        (line, filled), (N_STATES, filled), (N_STATES, states), (N_STATES, wide), (line, 0),
     )  # fmt: skip
-    at = np.zeros(len(sizes) + 1, dtype=np.int64)
-    for i, size in enumerate(sizes):
-        at[i + 1] = at[i] + filled_up(size)
-    return at
+    found, at = np.zeros((len(parts), 3), dtype=np.int64), 0
+    for i, (rows, length) in enumerate(parts):
+        found[i, 0], found[i, 1], found[i, 2] = at, rows, length
+        at += filled_up(rows * length)
+    return found
+
+
+@jit
+def _line(flat: Array, part: NDArray[np.int64]) -> Array:
+    at, _, length = part
+    return flat[at : at + length]
+
+
+@jit
+def _matrix(flat: Array, part: NDArray[np.int64]) -> Array:
+    at, rows, length = part
+    return flat[at : at + rows * length].reshape(rows, length)
 
 
 @jit
 def memory_of(flat: Array, m: int, q: int) -> Memory:
     """Return the parts of the array of an observer with m unknowns of which q may jump."""
-    n, w, width = N_STATES + m, filled_up(N_STATES + m), filled_up(N_WINDOWS * q + N_BEGINNINGS - N_WINDOWS)
-    at, turned = _layout(m, q), filled_up(N_STATES)
+    at = _layout(m, q)
     return Memory(
-        flat[: N_WORK], flat[at[1] : at[1] + N_SCALARS], flat[at[2] : at[2] + m], flat[at[3] : at[3] + N_READINGS],
-        flat[at[4] : at[4] + N_STATES], flat[at[5] : at[5] + N_STATES], flat[at[6] : at[6] + N_PARAMETERS],
-        flat[at[7] : at[7] + N_HELD], flat[at[8] : at[8] + N_READINGS], flat[at[9] : at[9] + N_READINGS],
-        flat[at[10] : at[10] + N_READINGS], flat[at[11] : at[11] + N_READINGS],
-        flat[at[12] : at[12] + n * w].reshape(n, w),
-        flat[at[13] : at[13] + N_STATES * n].reshape(N_STATES, n),
-        flat[at[14] : at[14] + N_STATES * n].reshape(N_STATES, n),
-        flat[at[15] : at[15] + N_READINGS * n].reshape(N_READINGS, n),
-        flat[at[16] : at[17]].reshape(N_READINGS, w), flat[at[17] : at[18]].reshape(n, width),
-        flat[at[18] : at[19]], flat[at[19] : at[20]], flat[at[20] : at[20] + N_BEGINNINGS],
-        flat[at[21] : at[21] + N_WINDOWS], flat[at[22] : at[22] + N_WINDOWS], flat[at[23] : at[23] + q],
-        flat[at[24] : at[24] + q], flat[at[25] : at[26]].reshape(N_ONSETS, 2, width), flat[at[26] : at[26] + n],
-        flat[at[27] : at[27] + n], flat[at[28] : at[28] + N_READINGS], flat[at[29] : at[30]].reshape(N_READINGS, width),
-        flat[at[30] : at[31]], flat[at[31] : at[32]].reshape(N_STATES, w),
-        flat[at[32] : at[33]].reshape(N_STATES, turned), flat[at[33] : at[34]].reshape(n, turned),
-        flat[at[34] : at[35]].reshape(N_STATES, width),
+        _line(flat, at[0]), _line(flat, at[1]), _line(flat, at[2]), _line(flat, at[3]), _line(flat, at[4]),
+        _line(flat, at[5]), _line(flat, at[6]), _line(flat, at[7]), _line(flat, at[8]), _line(flat, at[9]),
+        _line(flat, at[10]), _line(flat, at[11]), _matrix(flat, at[12]), _matrix(flat, at[13]), _matrix(flat, at[14]),
+        _matrix(flat, at[15]), _matrix(flat, at[16]), _matrix(flat, at[17]), _matrix(flat, at[18]),
+        _line(flat, at[19]), _line(flat, at[20]), _line(flat, at[21]), _line(flat, at[22]), _line(flat, at[23]),
+        _line(flat, at[24]), _line(flat, at[25]), _matrix(flat, at[26]).reshape(N_ONSETS, 2, at[26, 2]),
+        _line(flat, at[27]), _line(flat, at[28]), _line(flat, at[29]), _matrix(flat, at[30]), _line(flat, at[31]),
+        _matrix(flat, at[32]), _matrix(flat, at[33]), _matrix(flat, at[34]),
     )  # fmt: skip
 
 
 def new_memory(m: int, q: int) -> Array:
     """Return the array of an observer with m unknowns of which q may jump, all zero."""
-    return aligned(np.zeros(int(_layout(m, q)[-1])))
+    return aligned(np.zeros(int(_layout(m, q)[-1, 0])))
 
 
 def remembered(m: int, q: int) -> int:
     """Return how much of such an array is remembered from tick to tick; the rest is room to work."""
-    return int(_layout(m, q)[_ROOM])
+    return int(_layout(m, q)[_ROOM, 0])
 
 
 def aligned(values: Array) -> Array:

@@ -60,17 +60,21 @@ def subtract(K: Array, gains: Array, G: Array, n: int, V: Array) -> None:
 
 
 @jit
-def combine(c: Array, V: Array, g: Array) -> None:
-    """Work out `g` (w,) = c V; c (n,), V (n, w)."""
-    for j in range(g.shape[0]):
-        g[j] = 0.0
-    n = c.shape[0]
-    for i in range(0, n - n % _TERMS, _TERMS):
-        p, q, r, s = c[i], c[i + 1], c[i + 2], c[i + 3]
-        if p != 0.0 or q != 0.0 or r != 0.0 or s != 0.0:
-            for j in range(g.shape[0]):
-                g[j] = g[j] + p * V[i, j] + q * V[i + 1, j] + r * V[i + 2, j] + s * V[i + 3, j]
-    for i in range(n - n % _TERMS, n):
-        if c[i] != 0.0:
-            for j in range(g.shape[0]):
-                g[j] += c[i] * V[i, j]
+def combine(C: Array, V: Array, G: Array) -> None:
+    """Work out `G` (4, w) = C V; C (4, n), V (n, w)."""
+    for j in range(G.shape[1]):
+        G[0, j] = G[1, j] = G[2, j] = G[3, j] = 0.0
+    n = C.shape[1]
+    for i in range(0, n - n % 2, 2):
+        a, b, c, d = C[0, i], C[1, i], C[2, i], C[3, i]
+        e, f, g, h = C[0, i + 1], C[1, i + 1], C[2, i + 1], C[3, i + 1]
+        for j in range(G.shape[1]):
+            v, u = V[i, j], V[i + 1, j]
+            G[0, j] = G[0, j] + a * v + e * u
+            G[1, j] = G[1, j] + b * v + f * u
+            G[2, j] = G[2, j] + c * v + g * u
+            G[3, j] = G[3, j] + d * v + h * u
+    for i in range(n - n % 2, n):
+        for j in range(G.shape[1]):
+            for r in range(4):
+                G[r, j] += C[r, i] * V[i, j]
