@@ -83,7 +83,8 @@ def _read(
 @_compile
 def _tell(m: Memory, outlet: Array, row: Array, air: Array, reading: Array, told: Array) -> None:
     """Tell the observer what is read; `air`: the flow through the evaporator comes first."""
-    reading[:] = row[READINGS:INLETS_READ]
+    for i in range(N_OUTPUTS):
+        reading[i] = row[READINGS + i]
     if outlet.size > 0:
         take_outlet_temperature(m.out, m.scalars, outlet, reading, reading[0])
     told[AIR_C], told[_CONDENSER_AIR_C], told[_AIR] = row[INLETS_READ], row[INLETS_READ + 1], air[0]
@@ -110,8 +111,9 @@ def _protect(controller: Array, caps: Array, guards: Array, measured: Array) -> 
 @_compile
 def _send(command: Array, compensator: Array, row: Array, told: Array) -> None:
     """Note q and command, and tell the command to compensator and observer."""
-    row[Q_MADE:COMMANDED] = compensator[Q : Q + 2]
-    row[COMMANDED:ACTUATOR] = compensator[COMMAND : COMMAND + 2] = command
+    for i in range(2):
+        row[Q_MADE + i] = compensator[Q + i]
+        row[COMMANDED + i] = compensator[COMMAND + i] = command[i]
     told[SPEED], told[OPENING] = command[0], command[1]
 
 
