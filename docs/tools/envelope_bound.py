@@ -1,6 +1,7 @@
 """How well small faults of the pressure sensor and of the compressor can be told apart at best, along random drives.
 
     python -m docs.tools.envelope_bound 10050 14
+    python -m docs.tools.envelope_bound 31040 1 --within 180
 
 A detector that knew when a fault begins and how large it is, and that had only to say whether it is 0.4 kPa of the
 sensor or whatever fault of the compressor looks most alike, would compare two known signals in white noise: with `G_N`
@@ -10,7 +11,8 @@ and `G_p` what either fault does to the innovations and S their covariance,
 
 is the deflection of their likelihood ratio (Kay, Fundamentals of Statistical Signal Processing II, 1998, ch. 4), and
 ``Phi(sqrt(J) / 2)`` the probability that it says the right name. No detector on the same observer has a higher one. For
-6 rpm of the compressor it is the same with N and p the other way round.
+6 rpm of the compressor it is the same with N and p the other way round. Other sizes, and how long after the onset it
+may wait, are options.
 """
 
 import argparse
@@ -28,8 +30,8 @@ from fdi_node.envelope import EnvelopeDesign, EnvelopeDetector
 from fdi_node.envelope.filter import SHORT_R
 from fdi_node.envelope.memory import DOUBT
 
-SIZES, ONSET_S, WITHIN_S = (6.0 * RPM, 0.4 * KPA), 900.0, 60.0
-"""The faults: f_N [rad/s] and f_p [Pa]."""
+SIZES, ONSET_S = (6.0 * RPM, 0.4 * KPA), 900.0
+"""The faults, f_N [rad/s] and f_p [Pa], unless others are asked for."""
 _READ = (
     "measured/evaporator_pressure", "measured/superheat", "measured/wall_temperature", "measured/condenser_pressure",
     "measured/air_inlet_temperature", "measured/condenser_air_inlet_temperature",
@@ -65,9 +67,9 @@ def information(design: EnvelopeDesign, ticks: NDArray[np.float64], onset: int) 
     return np.asarray(found / np.outer(scales, scales))
 
 
-def deflection(S: NDArray[np.float64], fault: int) -> tuple[float, float]:
-    """Return J of f_N or f_p (0, 1) of its size in `SIZES`, and the size of the other that looks most like it."""
-    size, other = SIZES[fault], 1 - fault
+def deflection(S: NDArray[np.float64], fault: int, sizes: tuple[float, float] = SIZES) -> tuple[float, float]:
+    """Return J of f_N or f_p (0, 1) of its size in `sizes`, and the size of the other that looks most like it."""
+    size, other = sizes[fault], 1 - fault
     return size**2 * float(S[fault, fault] - S[0, 1] ** 2 / S[other, other]), size * float(S[0, 1] / S[other, other])
 
 
@@ -76,20 +78,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("first", type=int)
     parser.add_argument("count", type=int)
+    parser.add_argument("--rpm", type=float, default=6.0)
+    parser.add_argument("--kpa", type=float, default=0.4)
+    parser.add_argument("--within", type=float, default=60.0, help="seconds (60)")
     given = parser.parse_args()
+    sizes = (given.rpm * RPM, given.kpa * KPA)
     right: list[list[float]] = []
     for seed in range(given.first, given.first + given.count):
-        drive = load(f"drive:{seed}", [f"duration_s={ONSET_S + WITHIN_S:g}"])
+        drive = load(f"drive:{seed}", [f"duration_s={ONSET_S + given.within:g}"])
         designs = designs_of(drive)
         assert isinstance(designs.fdi, EnvelopeDesign)
         run = simulate(drive, True, designs=designs)
         ticks = np.column_stack([run.series[key] for key in _READ])
         S = information(designs.fdi, ticks, round(ONSET_S / drive.sample_time_s))
-        (J_n, like_n), (J_p, like_p) = (deflection(S, fault) for fault in range(2))
+        (J_n, like_n), (J_p, like_p) = (deflection(S, fault, sizes) for fault in range(2))
         right.append(norm.cdf(np.sqrt([J_n, J_p]) / 2.0).tolist())
         for name, J, like, probable in (
-            ("6 rpm", J_n, f"{like_n / KPA:+.2f} kPa", right[-1][0]),
-            ("0.4 kPa", J_p, f"{like_p / RPM:+.1f} rpm", right[-1][1]),
+            (f"{given.rpm:g} rpm", J_n, f"{like_n / KPA:+.2f} kPa", right[-1][0]),
+            (f"{given.kpa:g} kPa", J_p, f"{like_p / RPM:+.1f} rpm", right[-1][1]),
         ):
             print(f"{drive.name}: {name}: J {J:.1f}, like {like}, right with probability {probable:.4f}", flush=True)
     print(f"mean {np.mean(right, axis=0).round(4)}, least {np.min(right, axis=0).round(4)}")
