@@ -65,7 +65,7 @@ class Since:
 
     Attributes
     ----------
-    likely : something has probably jumped.
+    likely : something has probably jumped; `most`: the largest ratio of all explanations since then.
     certain : something has certainly jumped.
     natural : an air flow has jumped.
     ahead : an explanation by the unknown `leader` is ahead of the others.
@@ -75,6 +75,7 @@ class Since:
     """
 
     likely: float = NOT
+    most: float = 0.0
     certain: float = NOT
     natural: float = -NOT
     ahead: float = NOT
@@ -87,6 +88,7 @@ class Since:
     def unlikely(self) -> None:
         """Nothing has probably jumped."""
         self.likely = self.certain = self.ahead = NOT
+        self.most = 0.0
 
 
 class EnvelopeDecision:
@@ -210,6 +212,11 @@ class EnvelopeDecision:
         if here < likely or (reported == UNKNOWN and here < limits.likely_unknown):
             since.unlikely()
             return
+        since.most = max(since.most, here)
+        if here < since.most - max(limits.likely, limits.refuted * since.most):
+            jumps.begin_all(self._memory, self._rules)
+            since.unlikely()
+            return
         if since.likely == NOT:
             since.likely = time_s
         waited_s = 0.0 if self.isolated or self.isolation.is_open else time_s - since.likely
@@ -218,12 +225,13 @@ class EnvelopeDecision:
         elif unknown != since.leader or since.ahead == NOT:
             since.leader, since.ahead = unknown, time_s
         onset_s = time_s - float(self._memory.age[int(self._memory.best[top])]) * self._h
-        since.certain = min(since.certain, time_s) if here > limits.certain else NOT
         is_plain = here > limits.plain and unknown == COMPRESSOR and not grows and lead > limits.lead(best, 0.0, False)
         hold_s = limits.hold_growing_s if grows else limits.hold_s if is_plain else limits.hold_unsure_s
         at_once = self._stands_out(ratios)
-        waits = not is_plain and onset_s >= since.natural - N_ONSETS * self._h
-        ready_s = max(since.ahead + hold_s, since.natural + limits.after_natural_s if waits else -NOT)
+        may_be_natural = not is_plain and onset_s >= since.natural - N_ONSETS * self._h
+        waits_s = since.natural + limits.after_natural_s if may_be_natural else -NOT
+        since.certain = min(since.certain, time_s) if here > limits.certain and time_s >= waits_s else NOT
+        ready_s = max(since.ahead + hold_s, waits_s)
         if at_once or time_s >= ready_s - 1.0e-9:
             is_unsure = is_unsure or time_s - since.unknown < limits.after_unknown_s
             if is_unsure and reported not in (UNKNOWN, NATURAL) and unknown not in known and not at_once:
@@ -244,6 +252,7 @@ class EnvelopeDecision:
     def _accept(self, top: int, time_s: float) -> str:
         """Move the estimate as an explanation says, and return what it is reported as."""
         reported = self._explanations.reported[top]
+        self.since.most = 0.0
         kalman.accept_jump(self._flat, self._rules, top, reported != NATURAL)
         if reported == NATURAL:
             self.since.natural = time_s

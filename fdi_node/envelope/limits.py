@@ -38,6 +38,9 @@ class Limits:
         a plain one of the compressor: the model is linearised.
     undecided_s : float
         How long an explanation is waited for when ratios are above `certain`. When they are not, as long as it takes.
+    refuted : float
+        What has fallen by this share of the largest ratio, and by `likely`, is refuted: a true explanation's does not
+        do that (with probability exp(-likely/2): Ville 1939), what linearisation has made up does.
     clear_s, settle_s, afresh_s : float
         How long a fault must be gone to be over; for how long after the start nothing is concluded; for how long after
         that an observer that has begun anew must understand the readings for what was isolated before to be over.
@@ -79,7 +82,7 @@ class Limits:
     patience_s: float = 45.0
     ahead_sensor: float = 3.0
     at_once: float = 60.0
-    at_once_share: float = 0.25
+    at_once_share: float = 0.15
     at_once_share_open: float = 0.6
     at_once_s: float = 3.0
     hold_s: float = 0.4
@@ -87,6 +90,7 @@ class Limits:
     hold_growing_s: float = 10.0
     after_natural_s: float = 30.0
     undecided_s: float = 30.0
+    refuted: float = 0.1
     clear_s: float = 20.0
     settle_s: float = 20.0
     afresh_s: float = 10.0

@@ -184,3 +184,21 @@ def test_nothing_slow_has_a_name_soon_after_something_was_unknown() -> None:
     assert story.tell(Limits().clear_s + 1.0) == (False, None)
     story.m.age[:] = 100.0
     assert story.tell(Limits().hold_unsure_s + 0.2, evaporator_pressure=200.0)[1] == "unknown"
+
+
+def test_what_has_fallen_far_below_its_largest_ratio_is_refuted() -> None:
+    largest = 900.0
+    fall = max(Limits().likely, Limits().refuted * largest)
+    for left, isolated in ((largest - 0.9 * fall, "evaporator_pressure"), (largest - 1.1 * fall, None)):
+        story = Story()
+        story.tell(Limits().hold_unsure_s - 0.5, evaporator_pressure=largest, compressor_speed=largest - 50.0)
+        assert story.tell(1.0, evaporator_pressure=left, compressor_speed=left - 50.0)[1] == isolated
+
+
+def test_what_has_begun_with_a_jump_of_an_air_flow_is_no_detection_before_it_may_be_isolated() -> None:
+    story, seen = Story(), {"wall_temperature_sensor": 1500.0}
+    story.tell(0.1, evaporator_air_flow=100.0)
+    assert story.decision.since.natural < story.time_s
+    wait_s = Limits().after_natural_s
+    assert story.tell(wait_s - 0.5, **seen) == (False, None)
+    assert story.tell(1.0, **seen) == (True, "unknown")
