@@ -51,19 +51,21 @@ def information(design: EnvelopeDesign, ticks: NDArray[np.float64], onset: int) 
     """
     detector = EnvelopeDetector(design)
     m, scales = detector.memory, detector.rules.rows[:2, 2]
-    V, found = np.zeros((len(m.P), 2)), np.zeros((2, 2))
+    n = len(m.P)  # rows of the memory may be longer
+    V, found = np.zeros((n, 2)), np.zeros((2, 2))
     V[N_STATES : N_STATES + 2] = np.eye(2)
     for k, tick in enumerate(ticks):
-        P = m.P.copy()
+        P = m.P[:, :n].copy()
         detector.observe(k * design.sample_time_s, tick[:4], tick[4], tick[5])
         if k >= onset:
             R = np.diag(detector.rules.R + m.scalars[DOUBT] ** 2 * SHORT_R)
-            gain, G = np.linalg.solve(m.C @ P @ m.C.T + R, m.C @ P), m.C @ V
-            found += G.T @ np.linalg.solve(m.C @ P @ m.C.T + R, G)
+            C = m.C[:, :n]
+            gain, G = np.linalg.solve(C @ P @ C.T + R, C @ P), C @ V
+            found += G.T @ np.linalg.solve(C @ P @ C.T + R, G)
             V -= gain.T @ G
         detector.commanded(tick[6:])
         if k >= onset:
-            V[:N_STATES] = m.F @ V
+            V[:N_STATES] = m.F[:, :n] @ V
     return np.asarray(found / np.outer(scales, scales))
 
 
