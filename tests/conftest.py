@@ -2,15 +2,19 @@
 
 import os
 from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 # Matrices here are small: several BLAS threads make the linear algebra ten times slower. Read when numpy is imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pytest
 from hypothesis import settings
-from playwright.sync_api import Browser
 
 from tests.domains import OWN
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 #: What pytest-xdist calls a process of its own.
 WORKER = "PYTEST_XDIST_WORKER"
@@ -31,6 +35,11 @@ settings.register_profile("here", deadline=None)
 settings.load_profile("here")
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave files without a quick test unread under `-m quick`: what they import takes its time, too."""
+    return True if config.option.markexpr == "quick" and _takes_long(collection_path) else None
+
+
 @pytest.hookimpl(tryfirst=True)  # before pytest-xdist looks for groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """With `-n 2` graphs on the wall clock go one after the other, all other graphs likewise, the rest by files.
@@ -38,7 +47,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     `quick` are all tests that start no graph and take no time, so that `pytest -m quick` does not, either.
     """
     for item in items:
-        if not any(_is(item, kind) for kind in (*GRAPHS, "slow")) and item.path.stem.removeprefix("test_") not in LONG:
+        if not any(_is(item, kind) for kind in (*GRAPHS, "slow")) and not _takes_long(item.path):
             item.add_marker("quick")
     if WORKER in os.environ:
         items.sort(key=lambda item: (not _is(item, "clock"), not _is(item, "ros")))
@@ -59,12 +68,16 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         os.setpriority(os.PRIO_PROCESS, 0, 10)
 
 
+def _takes_long(file: Path) -> bool:
+    return file.stem.removeprefix("test_") in LONG
+
+
 def _is(item: pytest.Item, kind: str) -> bool:
     return item.get_closest_marker(kind) is not None
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
+def browser() -> "Iterator[Browser]":
     """A browser for each file of tests that wants one."""
     from tests.live_browser import started_browser
 
