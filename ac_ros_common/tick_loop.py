@@ -12,7 +12,7 @@ from ac_ros_common.realtime import sleep_until
 from ac_ros_common.tick_sync import TickSet, Timeline, WallClockSet
 
 #: Services, timers and events get their turn so often while the loop runs.
-OTHERS_PERIOD_S = 0.05
+OTHERS_PERIOD_S = 0.02
 #: They wait for the end of a tick, but not longer than this when there is none.
 OTHERS_PATIENCE_S = 0.1
 #: How long their turn may take; a deadline that is nearer comes first.
