@@ -11,7 +11,7 @@ from ac_experiments.study.intervals import Interval
 from ac_experiments.study.outcomes import CORRECT, FALSE_ALARM, MISDIAGNOSED, MISSED
 from ac_experiments.study.results import CONTROL
 from ac_experiments.study.schema import NO_FAULT
-from ac_experiments.study.summary import Runs
+from ac_experiments.study.summary import Runs, false_alarms
 
 _FIGURES = ("detection_delay_s", "isolation_delay_s", "peak_fault_free", "peak_faulty", *CONTROL)
 
@@ -81,9 +81,7 @@ def compare(first: Runs, second: Runs) -> list[Difference]:
 
 def _alarms(first: Runs, second: Runs) -> Difference:
     """Return false alarms per hour, and their difference: the exact intervals put together as Newcombe does."""
-    counts = [int(np.nansum(runs["false_alarms"])) for runs in (first, second)]
-    hours = [float(np.nansum(runs["fault_free_s"])) / 3600.0 for runs in (first, second)]
-    rates = [intervals.rate(count, hour) for count, hour in zip(counts, hours, strict=True)]
+    rates = [false_alarms(runs)["per_hour"] for runs in (first, second)]
     value = rates[1].value - rates[0].value
     below = float(np.hypot(rates[1].value - rates[1].low, rates[0].high - rates[0].value))
     above = float(np.hypot(rates[1].high - rates[1].value, rates[0].value - rates[0].low))

@@ -23,7 +23,7 @@ from ac_experiments.study.finish import PAGE, SUMMARY, finish, read_runs
 from ac_experiments.study.results import RUNS, Store, columns_of
 from ac_experiments.study.runs import designs_for, figures, hold_s, k0_alone_of, play, row_of
 from ac_experiments.study.schema import check_study
-from ac_experiments.study.summary import Runs, runs_of, summarise_study
+from ac_experiments.study.summary import Runs, false_alarms, runs_of, summarise_study
 from ac_experiments.study.worst import search
 
 # -------------------------------------------------------------------------------------------------------- outcomes
@@ -113,14 +113,36 @@ def test_the_files_of_a_study_say_the_same(played):
     assert sum(of["runs"] for of in summary["outcomes"].values()) == 12
     for kind, row in summary["confusion"].items():
         assert sum(row.values()) == summary["outcomes"][kind]["runs"] == 4
-    seconds = np.where(np.isnan(runs["fault_onset_s"]), 60.0, runs["fault_onset_s"])
-    assert summary["false_alarms"]["hours"] == pytest.approx(seconds.sum() / 3600.0)
+    # The runs of one pass are the same until their faults begin, and one of them has none.
+    assert summary["false_alarms"]["hours"] == pytest.approx(4 * 60.0 / 3600.0)
     assert summary["benefit"]["none"]["iae_pressure_kpa_s"]["pairs"] == 4
     assert len(summary["worst"]) == 10
     page = played.read(PAGE).decode()
     assert f"acftc study rerun {played.url} {summary['worst'][0]['run']}" in page
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert 'id="packed"' in page
+
+
+def rows_of(study, **columns):
+    """Rows of a study as they are read."""
+    count = len(next(iter(columns.values())))
+    content = {"run": np.arange(count), "problem": np.full(count, ""), "false_alarms": np.zeros(count), **columns}
+    return Runs(study, {name: np.asarray(values) for name, values in content.items()})
+
+
+def test_no_time_without_a_fault_counts_twice():
+    """Until the fault begins the runs of one pass through the grids are one and the same."""
+    grid = {"fault.kind": {"grid": ["none", "compressor_speed"]}}
+    study = check_study({"name": "shared", "runs": 6, "vary": grid})
+    told = {"false_alarms": [1, 1, 0, 0, 1, 0], "fault_free_s": [1500.0, 900.0, 1500.0, 900.0, 1500.0, 900.0]}
+    of_fault = {"drawn.fault.kind": ["none", "compressor_speed"] * 3}
+    alarms = false_alarms(rows_of(study, **told, **of_fault))
+    assert (alarms["count"], alarms["hours"]) == (2, 1.25)
+    # What else is drawn makes another run of it.
+    other = false_alarms(rows_of(study, **told, **of_fault, **{"drawn.noise.superheat_k": np.arange(6.0)}))
+    assert (other["count"], other["hours"]) == (3, 2.0)
+    # And so does the next pass.
+    assert false_alarms(rows_of(check_study({"name": "alone", "runs": 6}), **told))["count"] == 3
 
 
 def test_a_peak_above_one_is_a_detection(played):
