@@ -23,7 +23,6 @@ from ac_plant_node.parameters.values import POINTS
 from ac_plant_node.plant import Plant
 from ac_plant_node.properties.compiled import Array
 from bringup.benchmarks.plant_speed import random_holds
-from bringup.commands.console import progress_bar
 from fdi_node.detector import Detection
 from fdi_node.envelope import EnvelopeDetector
 
@@ -91,12 +90,7 @@ def main() -> None:
     one_blas_thread()
     hours = int(sys.argv[1]) if len(sys.argv) > 1 else 50
     with ProcessPoolExecutor(2) as pool:
-        done = []
-        with progress_bar("random inputs") as progress:
-            for one in pool.map(hour, range(hours)):
-                done.append(one)
-                if progress:
-                    progress(len(done), hours)
+        done = list(pool.map(hour, range(hours)))
     median, rms = np.max([one.median for one in done], axis=0), np.max([one.rms for one in done], axis=0)
     f_n, f_p = np.abs([one.residual for one in done]).max(axis=0)
     print(f"{hours} h of random inputs: {sum(not one.is_finite for one in done)} with numbers that are not finite")
