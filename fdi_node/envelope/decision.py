@@ -213,7 +213,7 @@ class EnvelopeDecision:
             since.unlikely()
             return
         since.most = max(since.most, here)
-        if here < since.most - max(limits.likely, limits.refuted * since.most):
+        if not self.isolation.is_open and here < since.most - max(limits.likely, limits.refuted * since.most):
             jumps.begin_all(self._memory, self._rules)
             since.unlikely()
             return
