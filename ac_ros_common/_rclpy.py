@@ -4,19 +4,8 @@ rclpy has no public way to tell its errors apart, to wait for a few subscription
 transition that the present state does not have, or to let go of a life cycle's services.
 """
 
-import sys
-
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
-
-# Messages load a package that also generates them, with a parser of grammars: an eighth of what rclpy takes to load.
-# Where that part is missing it does without.
-_GENERATOR = "rosidl_generator_py.generate_py_impl"
-if _GENERATOR not in sys.modules:
-    sys.modules[_GENERATOR] = None  # type: ignore[assignment]
-    import rosidl_generator_py  # noqa: F401
-
-    del sys.modules[_GENERATOR]
 
 #: What rclpy raises when a call into the middleware fails, and when there are ROS arguments that it does not know.
 RCLError: type[Exception] = rclpy_implementation.RCLError

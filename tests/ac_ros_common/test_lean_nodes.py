@@ -5,8 +5,8 @@ import sys
 
 import pytest
 
-#: A node's class, and what it may not load: parsers of YAML and IDL, checks of scenarios, lists of installed packages.
-HEAVY = {"ruamel", "lark", "pydantic", "scipy", "numba", "matplotlib", "statistics", "zstandard", "mcap"}
+#: A node's class, and what it may not load: a parser of YAML, checks of scenarios, lists of installed packages.
+HEAVY = {"ruamel", "pydantic", "scipy", "numba", "matplotlib", "statistics", "zstandard", "mcap"}
 NEEDED = {
     "ac_plant_node.node": set(),
     "fault_injector_node.node": set(),
