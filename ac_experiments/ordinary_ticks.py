@@ -34,7 +34,7 @@ from fdi_node.envelope.filter import go_on_to_next, take
 from fdi_node.envelope.memory import Memory, Rules, memory_of, rules_in
 from fdi_node.envelope.model import READING_SCALE
 from fdi_node.envelope.outlet import take_outlet_temperature
-from fdi_node.envelope.quiet import IS_THERE, UNNAMED, leaves_nothing
+from fdi_node.envelope.quiet import IS_THERE, leaves_nothing
 from gimc_controller_node.envelope_compensator import COMMAND, LIMITED, WITHDRAWN, Q, accommodation
 from gimc_controller_node.limited_controller import CAPS, LAST, with_k0
 from gimc_controller_node.protection import move_caps
@@ -174,7 +174,7 @@ def ordinary_ticks(
     """
     rules = rules_in(packed)
     m = memory_of(flat, rules.rows.shape[0], rules.jumping.shape[0])
-    integration, named = views(m.work), 1.0 - asked[UNNAMED]
+    integration = views(m.work)
     for k in range(first, last):
         row, faulty, reference = made[k], faults[k], references[k]
         measured, command = row[READINGS:INLETS_READ], controller[LAST : LAST + 2]
@@ -191,7 +191,7 @@ def ordinary_ticks(
                 _show(m, rules, thresholds, row, found[k])
                 accommodation(
                     compensator, curve, n, m.x[0], m.x[1],
-                    int(named * asked[IS_THERE]), int(named * asked[IS_THERE + 1]), accommodates,
+                    int(asked[IS_THERE]), int(asked[IS_THERE + 1]), accommodates,
                     1, measured[0], measured[1], measured[3], 1, reference[0], reference[1],
                 )  # fmt: skip
             if accommodates != 0:

@@ -30,16 +30,15 @@ from fdi_node.envelope.quiet import (
     NEVER,
     SETTLE_S,
     SIGMAS,
-    SMALL,
-    SMALL_SIGMAS,
     UNITS,
-    UNNAMED,
 )
 from fdi_node.envelope.rival import Rival
 from fdi_node.envelope.unknowns import UNKNOWNS, Unknown
 
 NOT = math.inf
 """Time since when something holds that does not hold."""
+SMALL_SIGMAS = 2.0
+"""An estimate within so many standard deviations, and half of what its threshold is more, is next to nothing."""
 MOST_AT_ONCE = 2
 """More faults than these at once are not told apart: whoever sees more has lost the plant."""
 
@@ -223,8 +222,6 @@ class Isolation:
         asked[SETTLE_S] = limits.settle_open_s if self.is_open else limits.settle_s
         asked[IS_THERE : IS_THERE + NAMED] = [i in there for i in range(NAMED)]
         asked[NEVER] = self.rival is not None or self.is_doubtful  # other observers have to take every tick
-        asked[UNNAMED] = max(there, default=0) >= NAMED
-        asked[N_ASKED + NAMED :] = [i in there for i in range(NAMED, len(self._unknowns))]
         self._let_drift(self._rules, there)
         if self.rival is not None:
             self._let_drift(self.rival.rules, [self.rival.unknown])
@@ -239,17 +236,16 @@ class Isolation:
                 rules.Q[N_STATES + unknown] = (row.drift_after / row.scale) ** 2
 
     def _is_within(self, unknown: int) -> bool:
-        """Return whether the estimate of an unknown may as well be none."""
+        """Return whether the estimate of a named fault may as well be none."""
         m, scale = self._memory, self._unknowns[unknown].scale
-        named = (0.5 * self._limits.floor_rad_s, 0.5 * self._limits.floor_pa)
-        small = named[unknown] if unknown < NAMED else SMALL * scale
+        small = (0.5 * self._limits.floor_rad_s, 0.5 * self._limits.floor_pa)[unknown]
         deviation = math.sqrt(max(float(m.P[N_STATES + unknown, N_STATES + unknown]), 0.0)) * scale
         return abs(float(m.x[unknown])) < small + SMALL_SIGMAS * deviation
 
 
 def _asked(limits: Limits, unknowns: tuple[Unknown, ...]) -> NDArray[np.float64]:
     """Return what `fdi_node.envelope.quiet.is_quiet` is asked, while nothing is isolated."""
-    asked = np.zeros(N_ASKED + len(unknowns))
+    asked = np.zeros(N_ASKED)
     asked[SIGMAS], asked[NATURAL_RATIO], asked[INCONSISTENT] = limits.sigmas, limits.natural, limits.inconsistent
     asked[FLOORS : FLOORS + NAMED] = limits.floor_rad_s, limits.floor_pa
     asked[UNITS : UNITS + NAMED] = [one.scale for one in unknowns[:NAMED]]

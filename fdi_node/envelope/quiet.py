@@ -6,20 +6,16 @@ from ac_plant_node.dynamics.balances import N_STATES
 from fdi_node.envelope.compiled import Array, jit
 from fdi_node.envelope.jumps import begin_all
 from fdi_node.envelope.memory import LARGEST, NIS, TICKS, Memory, Rules, memory_of, rules_in
-from fdi_node.envelope.model import SCALE
 
 NAMED = 2
 """The first so many unknowns are the faults of `ac_common.faults.ISOLABLE`."""
 SIGMAS, FLOORS, UNITS, LOWEST, HIGHEST, IS_THERE = 0, 1, 3, 5, 7, 9
-NATURAL_RATIO, INCONSISTENT, SETTLE_S, NEVER, UNNAMED = range(11, 16)
+NATURAL_RATIO, INCONSISTENT, SETTLE_S, NEVER = range(11, 15)
 """Layout of what the question is about: of the named faults' thresholds the standard deviations and what is added to
 them, the units of both, what the faults can be, and which of them are isolated; the likelihood ratio and the mean
 square from which on there is something; the time after the start until which nothing is concluded; whether what is
-isolated has to be looked at in every tick, and whether some of it has no name. Behind that, for each unknown that is no
-named fault, whether it is isolated."""
-N_ASKED = 16
-SMALL, SMALL_SIGMAS = 0.3, 2.0
-"""An estimate with no name is next to nothing below this part of its scale and so many standard deviations."""
+isolated has to be looked at in every tick, as what has no name."""
+N_ASKED = 15
 
 
 @jit
@@ -33,7 +29,7 @@ def is_quiet(flat: Array, packed: Array, asked: Array, thresholds: Array) -> boo
     ----------
     flat, packed : array
         As `fdi_node.envelope.filter.observe`.
-    asked : (N_ASKED + m,) array
+    asked : (N_ASKED,) array
     thresholds : (2,) array
         Result: of the named faults' estimates, found in any case.
     """
@@ -44,8 +40,7 @@ def is_quiet(flat: Array, packed: Array, asked: Array, thresholds: Array) -> boo
 @jit
 def leaves_nothing(m: Memory, rules: Rules, asked: Array, thresholds: Array) -> bool:
     """Do as `is_quiet`, on the parts of both arrays."""
-    calm = asked[NEVER] == 0.0
-    is_healthy = calm and asked[UNNAMED] == 0.0
+    calm = is_healthy = asked[NEVER] == 0.0
     for i in range(NAMED):
         at = N_STATES + i
         deviation = np.sqrt(max(m.P[at, at], 0.0)) * asked[UNITS + i]
@@ -58,10 +53,5 @@ def leaves_nothing(m: Memory, rules: Rules, asked: Array, thresholds: Array) -> 
     if not m.scalars[TICKS] * rules.constants[0] > asked[SETTLE_S]:
         begin_all(m, rules)
         return bool(is_healthy)
-    for i in range(NAMED, m.x.shape[0]):
-        if asked[N_ASKED + i] != 0.0:
-            at, scale = N_STATES + i, rules.rows[i, SCALE]
-            deviation = np.sqrt(max(m.P[at, at], 0.0)) * scale
-            calm = calm and abs(m.x[i]) >= SMALL * scale + SMALL_SIGMAS * deviation
     explained = m.scalars[LARGEST] < asked[NATURAL_RATIO] and m.scalars[NIS] < asked[INCONSISTENT]
     return bool(calm and explained)
