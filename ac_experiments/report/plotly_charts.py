@@ -191,9 +191,12 @@ def _array(values: NDArray[np.float32 | np.float64]) -> dict[str, str] | list[fl
 
 
 def _abscissa(x: NDArray[np.float64]) -> dict[str, Any]:
-    """Return the x by start and step where it is evenly spaced, a third of the size; else in full."""
+    """Return the x by start and step where it is evenly spaced, a third of the size; else in full.
+
+    A step of zero means one to plotly.js.
+    """
     steps = np.diff(x)
-    if len(x) > 2 and np.allclose(steps, steps[0], rtol=0.0, atol=1e-6):
+    if len(x) > 2 and steps[0] > 0.0 and np.allclose(steps, steps[0], rtol=1e-5, atol=0.0):
         return {"x0": float(x[0]), "dx": float(steps[0])}
     # A float of four bytes tells milliseconds apart up to four and a half hours.
     return {"x": _array(x.astype(np.float32) if abs(x).max(initial=0.0) < 2**14 else x)}

@@ -1,5 +1,6 @@
 """Plots: what is thinned stays true, and both ways of drawing draw the same."""
 
+import base64
 import json
 import re
 import xml.etree.ElementTree as ET
@@ -192,6 +193,18 @@ def test_missing_values_logarithms_and_marks_are_drawn_both_ways(tmp_path: Path)
     assert (tmp_path / "picture.png").read_bytes().startswith(b"\x89PNG")
     assert draw(charts, 1, "picture") == text  # the same twice
     assert as_plotly_reads(charts, 1).layout.xaxis.type == "log"
+
+
+@pytest.mark.parametrize("x", [np.ones(9), np.arange(9) / 10.0, np.geomspace(1e-9, 1e-7, 9)])
+def test_the_abscissa_is_what_it_is(x: np.ndarray):
+    """However it is written: in full, or by start and step; plotly.js takes no step for one."""
+    curve = Curve(x, np.arange(9.0), "a", "#123456")
+    trace = figure([Chart("one", [curve])], 1)["data"][0]
+    if "x" in trace:
+        read = np.frombuffer(base64.b64decode(trace["x"]["bdata"]), trace["x"]["dtype"])
+    else:
+        read = trace["x0"] + (trace["dx"] or 1.0) * np.arange(9)
+    assert read == pytest.approx(x, rel=1e-5)
 
 
 def test_subscripts():
