@@ -109,7 +109,8 @@ def fit_pod(size: Vector, hit: NDArray[np.bool_]) -> Pod | None:
     -------
     Pod or None
         None when the data have no curve: fewer than `FEWEST` cases, no hit or no miss, hits and misses that do not
-        overlap (then every steep curve between them is as good), or larger faults that are found less often.
+        overlap (then every steep curve between them is as good), larger faults that are found less often, or a curve
+        that reaches 90 % outside the sizes that there were only: the handbook allows no extrapolation.
     """
     size, hits = np.asarray(size, dtype=np.float64), np.asarray(hit, dtype=np.float64)
     found, missed = size[hits > 0.5], size[hits <= 0.5]
@@ -129,4 +130,5 @@ def fit_pod(size: Vector, hit: NDArray[np.bool_]) -> Pod | None:
     if not 0.0 < slope < 1e4:
         return None
     intercept = float(beta[0]) - slope * middle
-    return Pod(intercept, slope, len(size), len(found), float(missed.max()), float(found.min()), x, hits)
+    fitted = Pod(intercept, slope, len(size), len(found), float(missed.max()), float(found.min()), x, hits)
+    return fitted if x.min() <= (float(logit(FOUND)) - intercept) / slope <= x.max() else None

@@ -186,6 +186,11 @@ def test_the_fit_is_the_maximum_of_the_likelihood_and_the_bound_on_its_contour()
         (np.linspace(1, 20, 20), np.ones(20, dtype=bool)),  # all found
         (np.linspace(1, 20, 20), np.arange(20) > 9),  # hits and misses do not overlap
         (np.linspace(1, 20, 20), np.arange(20) < 10),  # larger ones are found less often
+        (
+            np.repeat([1.0, 9.0], 100),
+            np.arange(200) % 100 > 2 - np.arange(200) // 100,
+        ),  # the least is found
+        (np.repeat([1.0, 9.0], 100), np.arange(200) % 100 < 10 + np.arange(200) // 100),  # none is found
     ],
 )
 def test_no_curve_where_the_data_have_none(sizes, hits):
