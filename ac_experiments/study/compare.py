@@ -69,6 +69,8 @@ def compare(first: Runs, second: Runs) -> list[Difference]:
     for outcome, of in ((CORRECT, None), (FALSE_ALARM, None), (MISSED, has_fault), (MISDIAGNOSED, has_fault)):
         good = [runs["outcome"] == outcome for runs in (first, second)]
         among = [np.full(len(runs), True) if of is None else of(runs) for runs in (first, second)]
+        if not all(one.any() for one in among):
+            continue  # no fault in one of them, so nothing to miss
         rows.append(_shares(outcome, good, among, (one, two) if is_paired else None))
     for name in _FIGURES:
         if name not in first.columns or name not in second.columns:

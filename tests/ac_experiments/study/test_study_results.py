@@ -243,6 +243,13 @@ def test_a_study_beside_itself_differs_in_nothing(played):
         assert row.paired or row.what == "false alarms per hour"
 
 
+def test_nothing_is_missed_where_no_fault_was(played):
+    runs = read_runs(played)
+    healthy = runs.where(runs["fault_kind"] == "none")
+    shares = {row.what for row in compare(healthy, healthy) if row.what.endswith("share")}
+    assert shares == {"correct, share", "false alarm, share"}
+
+
 def test_a_known_difference_is_found_pairwise(played):
     """An error that is 1 kPa s larger in each run is that with certainty, though runs differ by far more."""
     runs = read_runs(played)
