@@ -25,7 +25,7 @@ from ac_plant_node.dynamics.workspace import CHARGE, Work, views
 from ac_plant_node.parameters.values import INDEX
 from ac_plant_node.properties.tables import Tables
 from fdi_node.envelope import jumps
-from fdi_node.envelope.compiled import Array, jit
+from fdi_node.envelope.compiled import Array, jit, jit_into_callers
 from fdi_node.envelope.memory import (
     AGE,
     CAUTION,
@@ -241,7 +241,7 @@ def observe(flat: Array, packed: Array, reading: Array, told: Array, tab: Tables
     take(m, views(m.work), rules, reading, told, tab)
 
 
-@jit
+@jit_into_callers
 def take(m: Memory, k: Work, rules: Rules, reading: Array, told: Array, tab: Tables) -> None:
     """Do as `observe`, on the parts of both arrays; `k`: those of the memory's `work`."""
     _renew_when_due(m, k, rules, told, tab)
@@ -265,7 +265,7 @@ def predict(flat: Array, packed: Array, told: Array, tab: Tables) -> int:
     return status
 
 
-@jit
+@jit_into_callers
 def go_on_to_next(m: Memory, k: Work, rules: Rules, told: Array, tab: Tables) -> int:
     """Do as `predict`, on the parts of both arrays; `k`: those of the memory's `work`."""
     h = rules.constants[0]
