@@ -29,7 +29,7 @@ EXTRAS = ("export", "foxglove", "study")  # commands of acftc
 DEVELOPERS = ("lint-imports", "mkdocs", "mypy", "pytest", "ruff")
 SIZES = ("0.9 GB", "1.2 GB", "2.1 GB")
 # Bytecode that nobody runs is not made; of large packages of which little is used, the interpreter makes what it needs.
-NO_BYTECODE = "/(tests?|testing|sphinxext|bokeh|cuda|f2py|fontTools|plotly|pygments|setuptools)/"
+NO_BYTECODE = "/(tests?|testing|sphinxext|bokeh|cuda|f2py|fontTools|narwhals|plotly|pygments|setuptools)/"
 # glibc of Debian 12 and newer, Ubuntu 22.04 and newer: what the ROS wheels are built for.
 SYSTEMS = {("Linux", "x86_64"), ("Linux", "aarch64")}
 
@@ -111,7 +111,9 @@ def make_environment(level: int) -> None:
     call([*pip, "--require-hashes", "-r", LEVELS[level]], "the pinned packages could not be installed", remedy)
     # A file that does not compile (a template, code for another Python) is none of ours.
     with subprocess.Popen(compiling(VENV / "lib")):
-        call([*pip, "--no-deps", "--editable", "."], "acftc itself could not be installed", remedy)
+        # With the setuptools that is pinned, not one fetched for this.
+        own = [*pip, "--no-deps", "--no-build-isolation", "--editable", "."]
+        call(own, "acftc itself could not be installed", remedy)
     (VENV / "COLCON_IGNORE").touch()  # it may stand in a workspace
     (VENV / "acftc-environment").write_text(f"{wanted()} {level}")
 
