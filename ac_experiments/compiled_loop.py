@@ -1,12 +1,15 @@
 """The loop with the designs of the whole envelope: ordinary ticks in compiled code, all others as `Loop` does them."""
 
+import contextlib
 from collections.abc import Callable, Iterable
 from functools import partial
 from itertools import repeat
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ac_common.cache import compiled_folder
 from ac_common.compiled import ready
 from ac_common.faults import COMPONENT_KINDS, ISOLABLE_KINDS, KINDS, STICKING
 from ac_common.fdi_status import StatusRow
@@ -20,6 +23,7 @@ from ac_experiments.ordinary_ticks import (
     LOST,
     MOVE,
     SENSE,
+    SOURCES,
     ordinary_ticks,
 )
 from ac_experiments.tick_columns import FAULTS, INLETS_READ, READINGS, RESIDUAL, STUCK
@@ -34,6 +38,15 @@ from gimc_controller_node.envelope_compensator import AT_LIMIT, HARMFUL, Envelop
 _OF_THE_VALVE = [COMPONENT_KINDS.index(kind) for kind in ("valve_stuck", "valve_slow")]
 _SAYS = ("", AT_LIMIT, HARMFUL)
 """What a compensator announces, by the numbers of `ordinary_ticks`."""
+
+
+def is_compiled() -> bool:
+    """Return whether the code of a `CompiledLoop` is in the cache; to make it takes ten seconds."""
+    return _mark().exists()
+
+
+def _mark() -> Path:
+    return compiled_folder(*SOURCES) / "complete"
 
 
 class CompiledLoop(Loop):
@@ -61,6 +74,8 @@ class CompiledLoop(Loop):
             if k % PROGRESS_EVERY == 0:
                 progress(k, ticks)
         progress(ticks, ticks)
+        with contextlib.suppress(OSError):  # a cache that cannot be written costs time, and nothing else
+            _mark().touch()
         return True
 
     def _prepared(self) -> Callable[[int, int, int], tuple[int, int]] | None:

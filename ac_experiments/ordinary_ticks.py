@@ -48,12 +48,14 @@ SENSE, MOVE = range(2)
 
 _AIR, _CONDENSER_AIR_C = INPUT["air_mass_flow"], INPUT["condenser_air_inlet_temperature"]
 SUPERHEAT_READING = 1
-_compile = step_compiler(
+SOURCES = (
     *COMPILED_SOURCES,
     *("ac_plant_node.saturation", "ac_common.products", "ac_common.faults", "ac_common.signals", "ac_common.topics"),
     *("fault_injector_node", "fdi_node", "gimc_controller_node"),
     *("ac_experiments.ordinary_ticks", "ac_experiments.tick_columns"),
 )
+"""As `COMPILED_SOURCES` of the plant."""
+_compile = step_compiler(*SOURCES)
 
 
 @_compile

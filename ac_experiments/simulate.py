@@ -26,6 +26,7 @@ def simulate(
     designs: Designs | EnvelopeDesigns | None = None,
     limits: "ProtectionLimits | None" = None,
     diagnose: bool = True,
+    compile_loop: bool = True,
 ) -> Recording:
     """Run `scenario` on the nonlinear plant.
 
@@ -45,6 +46,10 @@ def simulate(
         False: neither detector nor compensator runs. K0 is alone, and all that it does is as in a passive run, to the
         last bit; what those two make is missing. With the designs of the whole envelope most of the time is saved.
 
+    compile_loop
+        False: the loop is compiled as a whole, which takes a processor for ten seconds, only where that has been done
+        before. Else its steps are called one by one: a second more for a run of 900 s, and the same numbers.
+
     Returns
     -------
     Recording
@@ -62,7 +67,7 @@ def simulate(
     designs = designs or designs_of(scenario)
     started = time.perf_counter()
     options = {"limits": limits, "accommodate": not passive, "diagnose": diagnose}
-    loop = _played(scenario, designs, progress or (lambda *_: None), options)
+    loop = _played(scenario, designs, progress or (lambda *_: None), options, compile_loop)
     return Recording(
         time_s=loop.schedule.time_s,
         series=loop.series,
@@ -84,15 +89,20 @@ def simulate(
 
 
 def _played(
-    scenario: Scenario, designs: Designs | EnvelopeDesigns, progress: Progress, options: dict[str, Any]
+    scenario: Scenario,
+    designs: Designs | EnvelopeDesigns,
+    progress: Progress,
+    options: dict[str, Any],
+    compile_loop: bool,
 ) -> Loop:
     """Return the loop after all its ticks; `options` are those of `Loop`."""
     if isinstance(designs, EnvelopeDesigns):
-        from ac_experiments.compiled_loop import CompiledLoop  # loads the compiler
+        from ac_experiments.compiled_loop import CompiledLoop, is_compiled  # load the compiler
 
-        compiled = CompiledLoop(scenario, designs, **options)
-        if compiled.run_compiled(progress):
-            return compiled
+        if compile_loop or is_compiled():
+            compiled = CompiledLoop(scenario, designs, **options)
+            if compiled.run_compiled(progress):
+                return compiled
     loop = Loop(scenario, designs, **options)
     loop.run(progress)
     return loop

@@ -108,7 +108,7 @@ def _simulate_passive(scenario: Scenario) -> "Recording":
     from ac_experiments.simulate import simulate
 
     os.nice(19)  # the loop goes first
-    return simulate(scenario, passive=True)
+    return simulate(scenario, passive=True, compile_loop=False)
 
 
 _OBSERVER, PASSIVE = "observer", "passive"

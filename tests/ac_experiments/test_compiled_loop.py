@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from ac_common.topics import SERIES
+from ac_experiments import compiled_loop
 from ac_experiments.compiled_loop import CompiledLoop
 from ac_experiments.designs import designs_of
 from ac_experiments.loop import Loop
@@ -93,6 +94,18 @@ def test_without_detector_k0_alone_does_what_it_does_with_one(name):
         assert watched.series.keys() - loop.series.keys() == DIAGNOSED
         for key, values in loop.series.items():
             np.testing.assert_array_equal(values, watched.series[key], key)
+
+
+def test_a_single_run_may_do_without_compiling_the_loop(monkeypatch):
+    asked = scenario()
+    compiled = simulate(asked)
+    assert compiled_loop.is_compiled()
+    monkeypatch.setattr(compiled_loop, "is_compiled", lambda: False)
+    monkeypatch.setattr(compiled_loop, "CompiledLoop", None)  # whoever asks for one fails
+    stepped = simulate(asked, compile_loop=False)
+    assert stepped.series.keys() == compiled.series.keys()
+    for key, values in stepped.series.items():
+        np.testing.assert_array_equal(values, compiled.series[key], key)
 
 
 def test_what_no_ordinary_tick_does_is_left_to_the_other_loop():
