@@ -214,7 +214,7 @@ def opened_client(scheduler: str | None, workers: int | None) -> Iterator[Any]:
                     n_workers=workers or _cores(),
                     threads_per_worker=1,
                     processes=True,
-                    dashboard_address=":0",
+                    dashboard_address=None,  # nobody would know where
                     local_directory=folder,
                     memory_limit=None,
                     silence_logs=logging.CRITICAL,

@@ -96,7 +96,7 @@ def load_tables(refrigerant: str = "R134a", progress: bool = True) -> Tables:
 def _loaded(refrigerant: str, identity: str, progress: bool) -> Tables:
     def build() -> Arrays:
         if progress:
-            print(f"acftc: building {refrigerant} property tables (once, about ten seconds)", file=sys.stderr)
+            print(f"acftc: building {refrigerant} property tables (once, some seconds)", file=sys.stderr)
         return build_tables(refrigerant)._asdict()
 
     found = cached(f"tables-{refrigerant}", {"tables": identity}, build)
@@ -104,7 +104,7 @@ def _loaded(refrigerant: str, identity: str, progress: bool) -> Tables:
 
 
 def build_tables(refrigerant: str = "R134a") -> Tables:
-    """Sample CoolProp on the grids and fit the interpolants (some ten seconds)."""
+    """Sample CoolProp on the grids and fit the interpolants (some seconds)."""
     import CoolProp
     from scipy.interpolate import CubicSpline
 
