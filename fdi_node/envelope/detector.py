@@ -204,6 +204,8 @@ class EnvelopeDetector:
             m.x[unknown] = size
             first[N_STATES + unknown] = abs(design.unknowns[unknown].jump) / self.rules.rows[unknown, 2]
         np.fill_diagonal(m.P, first**2)
+        for transition in (m.F, m.turned):  # until there is one: without it the covariance would be lost in this tick
+            np.fill_diagonal(transition, 1.0)
         m.out[:] = design.start_outputs[start]
         m.scalars[NIS] = 1.0
         m.scalars[CAUTION] = CAREFUL**2 - 1.0 if self._decision.isolation.is_open else 0.0

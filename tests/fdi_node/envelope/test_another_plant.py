@@ -10,10 +10,12 @@ from ac_common.units import KPA, RPM
 from ac_design.envelope import IF_NEEDED, KNOWN, design_envelope_fdi
 from ac_experiments.study.plants import plant_off_by
 from ac_plant_node import Plant
+from ac_plant_node.dynamics.balances import N_STATES
 from ac_plant_node.parameters.file import another_plant
 from fdi_node.envelope import EnvelopeDetector, Limits
 from fdi_node.envelope.isolation import Isolated
 from fdi_node.envelope.memory import LARGEST, NIS, TICKS
+from fdi_node.envelope.model import ENERGY
 from fdi_node.envelope.unknowns import PARAMETERS, UNKNOWNS
 from tests.fdi_node.envelope.loops import H, Loop, design
 
@@ -48,6 +50,14 @@ def test_parameters_are_estimated_as_well_as_the_filter_says_it_knows_them(point
     found = loop.detector.memory.x[len(UNKNOWNS) :] / scales
     assert loop.detector._decision.isolation.is_open
     assert np.abs(found - off).max() < 3.0  # readings at rest do not tell all of them
+
+
+def test_an_observer_that_begins_anew_between_readings_knows_no_more_than_it_is_told() -> None:
+    loop = on_another_plant()
+    next(said for said in loop.run(60.0) if loop.detector._decision.isolation.is_open)
+    loop.step()
+    deviations = np.delete(np.sqrt(np.diag(loop.detector.memory.P))[:N_STATES], ENERGY)
+    assert deviations.min() > 0.02
 
 
 def test_it_is_a_fault_when_the_parameters_are_taken_for_known() -> None:
