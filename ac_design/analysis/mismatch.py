@@ -29,7 +29,7 @@ from ac_plant_node.inputs import INPUT
 from ac_plant_node.parameters.file import another_plant
 from fdi_node.envelope import EnvelopeDetector
 from fdi_node.envelope.limits import Limits
-from fdi_node.envelope.unknowns import PARAMETERS, UNKNOWNS, Unknown
+from fdi_node.envelope.unknowns import UNCERTAIN, UNKNOWNS, Unknown
 from gimc_controller_node import ControllerDesign
 from gimc_controller_node.envelope_compensator import EnvelopeCompensator, EnvelopeCompensatorDesign
 from gimc_controller_node.making import make_controller
@@ -94,7 +94,7 @@ def answer(point: str, off: Unknown | None, pulse: Matrix, settled: int, ticks: 
 
 
 def feedback(point: str, off: Unknown | None, settled: int = SETTLED, ticks: int = TICKS) -> Feedback:
-    """Return the loop of q at an operating point, with one of `PARAMETERS` a standard deviation above the design's.
+    """Return the loop of q at an operating point, with one of `UNCERTAIN` a standard deviation above the design's.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def feedback(point: str, off: Unknown | None, settled: int = SETTLED, ticks: int
 
 def table(jobs: int = 2) -> str:
     """Return the table: a row for no mismatch and for each parameter, spectral radius and gain at each point."""
-    rows: list[Unknown | None] = [None, *PARAMETERS]
+    rows: list[Unknown | None] = [None, *UNCERTAIN]
     with ProcessPoolExecutor(jobs, initializer=one_blas_thread) as pool:
         found = dict(zip(product(range(len(rows)), POINTS), pool.map(_feedback, product(rows, POINTS)), strict=True))
     lines = [

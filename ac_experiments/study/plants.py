@@ -5,10 +5,10 @@ from collections.abc import Mapping
 
 from ac_plant_node.parameters.file import load_parameters
 from ac_plant_node.parameters.values import Parameters
-from fdi_node.envelope.unknowns import PARAMETERS
+from fdi_node.envelope.unknowns import UNCERTAIN
 
 #: Standard deviation of the logarithm of each parameter that may be off.
-SIGMAS: dict[str, float] = {one.name: one.scale for one in PARAMETERS}
+SIGMAS: dict[str, float] = {one.name: one.scale for one in UNCERTAIN}
 
 
 def plant_off_by(deviations: Mapping[str, float]) -> Parameters | None:

@@ -21,8 +21,7 @@ import numpy as np
 from ac_plant_node.dynamics.balances import N_STATES, REGIME_E, X
 from ac_plant_node.dynamics.drive import OPENING, SPEED
 from ac_plant_node.dynamics.exponential import MAX_PHI_ERROR
-from ac_plant_node.dynamics.workspace import CHARGE, Work, views
-from ac_plant_node.parameters.values import INDEX
+from ac_plant_node.dynamics.workspace import Work, views
 from ac_plant_node.properties.tables import Tables
 from fdi_node.envelope import jumps
 from fdi_node.envelope.compiled import Array, jit, jit_into_callers
@@ -57,7 +56,6 @@ from fdi_node.envelope.model import (
     SCALE,
     STATE_SCALE,
     apply,
-    is_charge,
     linearise,
 )
 from fdi_node.envelope.products import combine, multiply, subtract, terms
@@ -89,8 +87,6 @@ CAUTION_S = 15.0
 """Time constant with which readings that count little at first come to count what they are worth."""
 MOST_SD = 10.0
 """Largest standard deviation, in units of the scales."""
-
-_CHARGE = INDEX["charge_kg"]
 
 
 @jit
@@ -214,10 +210,8 @@ def _move(m: Memory, k: Work, rules: Rules, dz: Array) -> None:
         if i != ENERGY:
             k.y[i] += dz[i] * STATE_SCALE[i]
     for i in range(m.x.shape[0]):
-        was, row = m.x[i], rules.rows[i]
-        m.x[i] = min(max(was + dz[N_STATES + i] * row[SCALE], row[LOWEST]), row[HIGHEST])
-        if is_charge(rules.rows, i):
-            k.memory[CHARGE] += rules.nominal[_CHARGE] * (m.x[i] - was)
+        row = rules.rows[i]
+        m.x[i] = min(max(m.x[i] + dz[N_STATES + i] * row[SCALE], row[LOWEST]), row[HIGHEST])
 
 
 @jit

@@ -19,7 +19,6 @@ from ac_plant_node.dynamics.transfer import Suction, flows
 from ac_plant_node.dynamics.workspace import CHARGE, ERROR_SCALE, Work
 from ac_plant_node.dynamics.zones import Condenser, Evaporator
 from ac_plant_node.inputs import HELD_HIGH, HELD_LOW, N_HELD
-from ac_plant_node.parameters.values import INDEX
 from ac_plant_node.properties.tables import Tables
 from fdi_node.envelope.compiled import Array, jit
 
@@ -33,7 +32,6 @@ ENERGY = 5
 
 FACTOR, ADDED, READING, PARAMETER = range(4)  # as `fdi_node.envelope.unknowns.Place`
 PLACE, POSITION, SCALE, LOWEST, HIGHEST = range(5)  # columns of `fdi_node.envelope.unknowns.table`
-_CHARGE = INDEX["charge_kg"]
 
 
 @jit
@@ -61,16 +59,10 @@ def apply(x: Array, rows: Array, told: Array, nominal: Array, par: Array, held: 
             held[at] *= np.exp(x[i])
         elif place == ADDED:
             held[at] += x[i]
-        elif place == PARAMETER and at >= 0:
+        elif place == PARAMETER:
             par[at] *= np.exp(x[i])
     for i in range(N_HELD):
         held[i] = min(max(held[i], HELD_LOW[i]), HELD_HIGH[i])
-
-
-@jit
-def is_charge(rows: Array, i: int) -> bool:
-    """Whether unknown i is the share of charge that the plant has beyond what the design says."""
-    return int(rows[i, PLACE]) == PARAMETER and int(rows[i, POSITION]) < 0
 
 
 @jit
@@ -179,8 +171,6 @@ def linearise(
             if u < 0:
                 s[j] = k.y[j] + d
                 s[ENERGY] = charge - s[0]
-            elif is_charge(rows, u):
-                s[ENERGY] = charge + nominal[_CHARGE] * d - s[0]
             else:
                 for i in range(m):
                     moved[i] = x[i]

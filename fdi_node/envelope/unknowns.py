@@ -27,7 +27,7 @@ class Place(IntEnum):
     READING = 2
     """it is added to a reading: p_e, SH, T_w, p_c"""
     PARAMETER = 3
-    """a parameter of the plant is ``exp(value)`` times what the design says; position -1: the charge"""
+    """a parameter of the plant is ``exp(value)`` times what the design says"""
 
 
 class Unknown(NamedTuple):
@@ -117,26 +117,23 @@ UNKNOWNS = (
 """The faults of `ac_common.faults.ISOLABLE` first, in their order; both air flows; and other faults that must not be
 taken for these."""
 
-_PARAMETERS = (
+_UNCERTAIN = (
     ("charge_kg", 0.05), ("evaporator_air_ua_w_k", 0.05), ("evaporator_two_phase_w_m2k", 0.10),
     ("evaporator_superheated_w_m2k", 0.10), ("condenser_air_ua_w_k", 0.05), ("displacement_m3_rev", 0.02),
     ("valve_discharge_coefficient", 0.03), ("isentropic_efficiency", 0.04),
 )  # fmt: skip
 
-PARAMETERS = tuple(
-    Unknown(
-        name,
-        Place.PARAMETER,
-        -1 if name == "charge_kg" else INDEX[name],
-        sigma,
-        sigma,
-        0.01 * sigma,
-        (-5.0 * sigma, 5.0 * sigma),
-    )
-    for name, sigma in _PARAMETERS
+UNCERTAIN = tuple(
+    Unknown(name, Place.PARAMETER, INDEX[name], sigma, sigma, 0.01 * sigma, (-5.0 * sigma, 5.0 * sigma))
+    for name, sigma in _UNCERTAIN
 )
 """Parameters of the plant that may be off, with the standard deviation of each. They may wander a little: as constants
 they would soon be believed more than a linearised filter can know them."""
+
+_TOLD = ("evaporator_superheated_w_m2k", "displacement_m3_rev", "valve_discharge_coefficient")
+PARAMETERS = tuple(one for one in UNCERTAIN if one.name in _TOLD)
+"""Those that are estimated. The others look like the air flows of the heat exchangers, or like hardly anything: they
+need no estimate, and a linearised filter would come to believe in a charge that is two standard deviations off."""
 
 
 def table(unknowns: tuple[Unknown, ...]) -> NDArray[np.float64]:

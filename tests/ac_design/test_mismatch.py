@@ -3,9 +3,9 @@
 import pytest
 
 from ac_design.analysis.mismatch import feedback
-from fdi_node.envelope.unknowns import PARAMETERS
+from fdi_node.envelope.unknowns import UNCERTAIN
 
-VALVE = next(one for one in PARAMETERS if one.name == "valve_discharge_coefficient")
+VALVE = next(one for one in UNCERTAIN if one.name == "valve_discharge_coefficient")
 
 
 @pytest.mark.parametrize("point", ["med"])
