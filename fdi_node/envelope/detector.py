@@ -30,7 +30,6 @@ from fdi_node.envelope.afresh import Afresh
 from fdi_node.envelope.decision import Conclusion, EnvelopeDecision
 from fdi_node.envelope.limits import Limits
 from fdi_node.envelope.memory import (
-    CAUTION,
     NIS,
     Memory,
     Rules,
@@ -52,10 +51,6 @@ Signal = Sequence[float] | Vector
 _AIR, _CONDENSER_AIR_C = INPUT["air_mass_flow"], INPUT["condenser_air_inlet_temperature"]
 JACOBIAN_S = 2.0
 """A Jacobian is renewed after this time at the latest, or after twice of it where it is good."""
-CAREFUL = 100.0
-"""How much larger the readings' standard deviations are taken at first where the plant's parameters are estimated. A
-linearised filter that trusts them at once takes what is nonlinear in the first, large corrections for knowledge of the
-parameters, and then holds to these."""
 _NEAR, _FAR = 0.05, 0.5
 """Standard deviations of the states, in units of their scales, where the observer begins: at a known rest, anywhere."""
 
@@ -208,7 +203,6 @@ class EnvelopeDetector:
             np.fill_diagonal(transition, 1.0)
         m.out[:] = design.start_outputs[start]
         m.scalars[NIS] = 1.0
-        m.scalars[CAUTION] = CAREFUL**2 - 1.0 if self._decision.isolation.is_open else 0.0
         self._told[:] = 0.0
         self._told[:N_INPUTS] = design.start_inputs[start]
         m.held[:] = self._told

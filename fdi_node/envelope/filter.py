@@ -27,7 +27,6 @@ from fdi_node.envelope import jumps
 from fdi_node.envelope.compiled import Array, jit, jit_into_callers
 from fdi_node.envelope.memory import (
     AGE,
-    CAUTION,
     DOUBT,
     GATED,
     LOST,
@@ -83,8 +82,6 @@ AGING = 0.1
 be off by."""
 SURPRISING = 3.0
 """An innovation of this many standard deviations does so, too: what has moved may be none of these."""
-CAUTION_S = 15.0
-"""Time constant with which readings that count little at first come to count what they are worth."""
 MOST_SD = 10.0
 """Largest standard deviation, in units of the scales."""
 
@@ -153,7 +150,7 @@ def innovate(m: Memory, rules: Rules, reading: Array) -> None:
             if c != 0.0:
                 for i in range(n):
                     K[i] += c * m.P[j, i]
-        s = (1.0 + m.scalars[CAUTION]) * rules.R[r] + m.scalars[DOUBT] ** 2 * SHORT_R[r]
+        s = rules.R[r] + m.scalars[DOUBT] ** 2 * SHORT_R[r]
         for i in range(n):
             s += m.C[r, i] * K[i]
         m.s[r] = np.sqrt(s)
@@ -173,7 +170,7 @@ def correct(m: Memory, rules: Rules) -> None:
         if not rules.R[r] < np.inf:
             continue
         C, K, e = m.C[r], m.PC[r], m.e[r]
-        s = (1.0 + m.scalars[CAUTION]) * rules.R[r] + m.scalars[DOUBT] ** 2 * SHORT_R[r]
+        s = rules.R[r] + m.scalars[DOUBT] ** 2 * SHORT_R[r]
         for i in range(n):
             s += C[i] * K[i]
             e -= C[i] * dz[i]
@@ -243,7 +240,6 @@ def take(m: Memory, k: Work, rules: Rules, reading: Array, told: Array, tab: Tab
     jumps.begin_due(m, rules, int(m.scalars[TICKS]))
     m.scalars[TICKS] += 1.0
     correct(m, rules)
-    m.scalars[CAUTION] *= np.exp(-rules.constants[0] / CAUTION_S)
     for i in range(N_STATES):
         m.before[i] = k.y[i]
     _move(m, k, rules, m.dz)

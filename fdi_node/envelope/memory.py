@@ -25,13 +25,12 @@ N_PARAMETERS = len(NAMES)
 LANES = 8
 """So many numbers are a line of the cache, and the most that a processor takes at a time."""
 
-TICKS, LOST, AGE, ZETA_THEN, SPEED_THEN, OPENING_THEN, DOUBT, NIS, GATED, LARGEST, SLOPE, CAUTION = range(12)
+TICKS, LOST, AGE, ZETA_THEN, SPEED_THEN, OPENING_THEN, DOUBT, NIS, GATED, LARGEST, SLOPE = range(11)
 """Scalars: ticks observed; corrections that led outside the model's domain and were taken back; ticks since the last
 Jacobian, and zone length, speed, opening there; how short the superheated zone is (0..1); mean square of the white
 innovations; ticks for which readings have been gated; largest ratio of all jumps in all windows; K/Pa by which the
-reading of SH rises with p_e beside: dT_sat/dp where it is an outlet temperature, else 0; by what multiple of themselves
-the variances of the readings are taken larger than they are."""
-N_SCALARS = 12
+reading of SH rises with p_e beside: dT_sat/dp where it is an outlet temperature, else 0."""
+N_SCALARS = 11
 
 
 class Rules(NamedTuple):

@@ -16,7 +16,7 @@ from fdi_node.envelope import EnvelopeDetector, Limits
 from fdi_node.envelope.isolation import Isolated
 from fdi_node.envelope.memory import LARGEST, NIS, TICKS
 from fdi_node.envelope.model import ENERGY
-from fdi_node.envelope.unknowns import PARAMETERS, UNCERTAIN, UNKNOWNS
+from fdi_node.envelope.unknowns import PARAMETERS, UNKNOWNS
 from tests.fdi_node.envelope.loops import H, Loop, design
 
 #: In standard deviations.
@@ -41,22 +41,21 @@ def test_another_plant_is_no_fault_and_a_fault_of_it_is_found() -> None:
 
 @pytest.mark.parametrize("point", ["low", "med"])
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_parameters_are_estimated_as_well_as_the_filter_says_it_knows_them(point: str, sign: float) -> None:
-    off = sign * np.array([-1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, -1.0])
-    loop, scales = Loop(point, parameters=IF_NEEDED), np.array([one.scale for one in PARAMETERS])
-    true = dict(zip([one.name for one in UNCERTAIN], off.tolist(), strict=True))
-    with another_plant(plant_off_by(true)):
+def test_parameters_are_estimated_about_as_well_as_the_filter_says_it_knows_them(point: str, sign: float) -> None:
+    off, scales = sign * np.array([-1.0, 1.0, -1.0]), np.array([one.scale for one in PARAMETERS])
+    loop = Loop(point, parameters=IF_NEEDED)
+    with another_plant(plant_off_by(dict(zip([one.name for one in PARAMETERS], off.tolist(), strict=True)))):
         loop.plant = Plant.at(point)
     assert not any(said.detected for said in loop.run(150.0))
-    found = loop.detector.memory.x[len(UNKNOWNS) :] / scales
+    found, P = loop.detector.memory.x[len(UNKNOWNS) :] / scales, loop.detector.memory.P
     assert loop.detector._decision.isolation.is_open
-    assert np.abs(found - [true[one.name] for one in PARAMETERS]).max() < 2.0  # readings at rest tell little
+    # a linearised filter is a little too sure of itself
+    assert (np.abs(found - off) < 4.0 * np.sqrt(np.diag(P)[-len(PARAMETERS) :])).all()
 
 
 def test_an_observer_that_begins_anew_between_readings_knows_no_more_than_it_is_told() -> None:
     loop = on_another_plant()
     next(said for said in loop.run(60.0) if loop.detector._decision.isolation.is_open)
-    loop.step()
     deviations = np.delete(np.sqrt(np.diag(loop.detector.memory.P))[:N_STATES], ENERGY)
     assert deviations.min() > 0.02
 
