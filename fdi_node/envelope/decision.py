@@ -36,14 +36,13 @@ from numpy.typing import NDArray
 from ac_common.faults import UNKNOWN
 from fdi_node.envelope import filter as kalman
 from fdi_node.envelope import jumps
-from fdi_node.envelope.explanations import Explanations
+from fdi_node.envelope.explanations import COMPRESSOR, PRESSURE, Explanations
 from fdi_node.envelope.isolation import NOT, Isolated, Isolation
 from fdi_node.envelope.limits import Limits
 from fdi_node.envelope.memory import LARGEST, N_ONSETS, NIS, TICKS, memory_of, rules_in
 from fdi_node.envelope.quiet import HIGHEST, IS_THERE, LOWEST, NAMED, SETTLE_S, is_quiet
 from fdi_node.envelope.unknowns import NATURAL, UNKNOWNS, Unknown
 
-COMPRESSOR, PRESSURE = range(NAMED)
 _BEYOND = ("beyond_n", "beyond_p")
 
 
@@ -208,26 +207,28 @@ class EnvelopeDecision:
         top, best, lead = self._explanations.ahead(ratios, limits)
         unknown, grows = self._explanations.positions[top], bool(self._rules.growing[top])
         reported = self._explanations.reported[top]
-        likely = limits.likely_open if self.isolation.is_open else limits.likely
-        if here < likely or (reported == UNKNOWN and here < limits.likely_unknown):
+        is_open, at_once = self.isolation.is_open, self._stands_out(ratios)
+        likely = limits.likely_open if is_open else limits.likely
+        if not at_once and (here < likely or (reported == UNKNOWN and here < limits.likely_unknown)):
             since.unlikely()
             return
         since.most = max(since.most, here)
-        if not self.isolation.is_open and here < since.most - max(limits.likely, limits.refuted * since.most):
+        fallen = here < since.most - max(limits.likely, limits.refuted * since.most)
+        if time_s - since.likely > limits.forget_open_s if is_open else fallen:
             jumps.begin_all(self._memory, self._rules)
             since.unlikely()
             return
         if since.likely == NOT:
             since.likely = time_s
-        waited_s = 0.0 if self.isolated or self.isolation.is_open else time_s - since.likely
-        if not lead > limits.lead(best, waited_s, unknown == PRESSURE):
+        waited_s = 0.0 if self.isolated or is_open else time_s - since.likely
+        is_slow_sensor = is_open and unknown == PRESSURE and not at_once  # parameters that are wrong look like one
+        if is_slow_sensor or not lead > limits.lead(best, waited_s, unknown == PRESSURE):
             since.ahead = NOT
         elif unknown != since.leader or since.ahead == NOT:
             since.leader, since.ahead = unknown, time_s
         onset_s = time_s - float(self._memory.age[int(self._memory.best[top])]) * self._h
         is_plain = here > limits.plain and unknown == COMPRESSOR and not grows and lead > limits.lead(best, 0.0, False)
         hold_s = limits.hold_growing_s if grows else limits.hold_s if is_plain else limits.hold_unsure_s
-        at_once = self._stands_out(ratios)
         may_be_natural = not is_plain and onset_s >= since.natural - N_ONSETS * self._h
         waits_s = since.natural + limits.after_natural_s if may_be_natural else -NOT
         since.certain = min(since.certain, time_s) if here > limits.certain and time_s >= waits_s else NOT
@@ -246,8 +247,8 @@ class EnvelopeDecision:
             self._add(-1, UNKNOWN, onset_s, time_s)
 
     def _stands_out(self, ratios: list[float]) -> bool:
-        share = self.limits.at_once_share_open if self.isolation.is_open else self.limits.at_once_share
-        return self._explanations.is_abrupt(self._memory, self._rules, ratios, self.limits, share)
+        stands_out = self._explanations.is_reading_jump if self.isolation.is_open else self._explanations.is_abrupt
+        return stands_out(self._memory, self._rules, ratios, self.limits)
 
     def _accept(self, top: int, time_s: float) -> str:
         """Move the estimate as an explanation says, and return what it is reported as."""

@@ -25,10 +25,11 @@ class Limits:
         A first fault that is not certain needs less of a lead the longer it has been likely, in proportion to time, and
         none after the first: who waits on learns little more of which fault it is. One of the pressure's sensor always
         needs the second: if that is wrong K0 holds another pressure, and a wrong fault of the compressor does no harm.
-    at_once, at_once_share, at_once_share_open, at_once_s : float
-        A named fault that is ahead by this much, and by this share of its own ratio (the second where the plant's
-        parameters are estimated), and has begun no longer ago than the last, is isolated in the same tick: a reading
-        that jumps by many standard deviations in one tick has no physical cause.
+    at_once, at_once_share, at_once_s, at_once_open_pa : float
+        A named fault that is ahead by this much, and by this share of its own ratio, and has begun no longer ago than
+        the third, is isolated in the same tick: a reading that jumps by many standard deviations in one tick has no
+        physical cause. Where the plant's parameters are estimated only one of the pressure's sensor is, ahead of the
+        others, whose reading is in its first tick off by more than the last.
     hold_s, hold_unsure_s, hold_growing_s : float
         How long a fault of the compressor whose ratio is above `plain`, with a full lead, any other one (early in a
         fault of the compressor a jump of the pressure's sensor can explain as much), and one that grows must be ahead;
@@ -38,9 +39,10 @@ class Limits:
         a plain one of the compressor: the model is linearised.
     undecided_s : float
         How long an explanation is waited for when ratios are above `certain`. When they are not, as long as it takes.
-    refuted : float
-        What has fallen by this share of the largest ratio, and by `likely`, is refuted: a true explanation's does not
-        do that (with probability exp(-likely/2): Ville 1939), what linearisation has made up does.
+    refuted, forget_open_s : float
+        What has fallen by the first, as a share of the largest ratio, and by `likely`, is refuted: a true explanation's
+        does not do that (with probability exp(-likely/2): Ville 1939), what linearisation has made up does. Where the
+        plant's parameters are estimated true ones fall, too: there what has no name after the second is forgotten.
     clear_s, settle_s, afresh_s : float
         How long a fault must be gone to be over; for how long after the start nothing is concluded; for how long after
         that an observer that has begun anew must understand the readings for what was isolated before to be over.
@@ -83,14 +85,15 @@ class Limits:
     ahead_sensor: float = 3.0
     at_once: float = 60.0
     at_once_share: float = 0.15
-    at_once_share_open: float = 0.6
     at_once_s: float = 3.0
+    at_once_open_pa: float = 3.0 * KPA
     hold_s: float = 0.4
     hold_unsure_s: float = 3.0
     hold_growing_s: float = 10.0
     after_natural_s: float = 30.0
     undecided_s: float = 30.0
     refuted: float = 0.1
+    forget_open_s: float = 15.0
     clear_s: float = 20.0
     settle_s: float = 20.0
     afresh_s: float = 10.0

@@ -138,6 +138,32 @@ def test_a_sensor_that_drifts_is_named(point: str) -> None:
     assert said.size == pytest.approx(5.0 * KPA, rel=0.05)
 
 
+def test_the_pressures_sensor_has_a_name_at_once_or_none_where_parameters_are_estimated() -> None:
+    names = []
+    for jump, ramp_s in ((5.0 * KPA, 0.1), (5.0 * KPA, 10.0)):
+        loop = on_another_plant()
+        list(loop.run(200.0))
+        said = [
+            loop.step(reading_fault=(jump * min((tick + 1) * H / ramp_s, 1.0), 0.0, 0.0, 0.0)).isolated
+            for tick in range(300)
+        ]
+        names.append((said[0], "evaporator_pressure" in said))
+    assert names == [("evaporator_pressure", True), (None, False)]
+
+
+def test_what_stays_without_a_name_is_forgotten_where_parameters_are_estimated() -> None:
+    story = Story(Limits().settle_open_s + 10.0)
+    story.decision.open_up()
+    story.decision.since.likely = 100.0 - Limits().forget_open_s - 1.0
+    story.decision.since.ahead = np.inf
+    m = story._m
+    m.scalars[TICKS], m.S[:5] = round((Limits().settle_open_s + 10.0) / H), 7.0
+    m.ratios[0] = m.scalars[LARGEST] = 500.0
+    assert story.decision.step(100.0).isolated is None
+    assert story.decision.since.likely == np.inf
+    assert not m.S.any()
+
+
 def test_choices_of_parameters() -> None:
     assert len(design(parameters=IF_NEEDED).first) == len(UNKNOWNS) + len(PARAMETERS)
     assert len(design(parameters=KNOWN).first) == len(UNKNOWNS)
