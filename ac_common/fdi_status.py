@@ -24,12 +24,24 @@ class StatusRow(NamedTuple):
     isolated_s: float
     thresholds: tuple[float, ...]  # of the residuals, in the order of `ac_common.faults.ISOLABLE`, SI
     also_isolated: str | None = None  # with two faults isolated: the one before `isolated`
+    unsure: str | None = None  # that of the isolated ones whose name may yet be the other's: nothing is done about it
+
+    @property
+    def acted_on(self) -> tuple[str | None, str | None]:
+        """`isolated` and `also_isolated`, None in place of one that is unsure."""
+        return acted_on(self.isolated, self.also_isolated, self.unsure)
+
+
+def acted_on(isolated: str | None, also_isolated: str | None, unsure: str | None) -> tuple[str | None, str | None]:
+    """Return what accommodation is to act on of what is isolated: all but what is unsure."""
+    return None if isolated == unsure else isolated, None if also_isolated == unsure else also_isolated
 
 
 def status_text(row: StatusRow) -> str:
     """Return the decision in words, for people who look at the topic."""
     if row.isolated is not None:
-        return f"fault isolated: {row.isolated}" + (f", {row.also_isolated}" if row.also_isolated else "")
+        named = f"{row.isolated}, {row.also_isolated}" if row.also_isolated else row.isolated
+        return f"fault isolated: {named}" + (f"; not acted on yet, unsure: {row.unsure}" if row.unsure else "")
     return "fault detected, not yet isolated" if row.detected else "no fault"
 
 
@@ -39,6 +51,7 @@ def status_values(row: StatusRow) -> dict[str, str]:
         "detected": "true" if row.detected else "false",
         "isolated": row.isolated or "",
         "also_isolated": row.also_isolated or "",
+        "unsure": row.unsure or "",
         "size": repr(float(row.size)),
         "onset_s": repr(float(row.onset_s)),
         "isolated_s": repr(float(row.isolated_s)),
@@ -56,7 +69,8 @@ def status_row(values: dict[str, str], time_s: float) -> StatusRow:
     """
     try:
         isolated, also_isolated = (values[key] or None for key in ("isolated", "also_isolated"))
-        for named in (isolated, also_isolated):
+        unsure = values.get("unsure") or None  # older recordings do not say
+        for named in (isolated, also_isolated, unsure):
             if named is not None and named not in _NAMES:
                 raise ValueError(named)
         return StatusRow(
@@ -68,6 +82,7 @@ def status_row(values: dict[str, str], time_s: float) -> StatusRow:
             isolated_s=float(values["isolated_s"]),
             thresholds=tuple([float(values[key]) for key in _THRESHOLDS]),
             also_isolated=also_isolated,
+            unsure=unsure,
         )
     except (KeyError, ValueError) as problem:
         msg = f"fdi/status: {type(problem).__name__} {shortened(problem)}"

@@ -134,13 +134,13 @@ class CompiledLoop(Loop):
     def _note_status(self, first: int, last: int) -> None:
         """Record what the detector says in ordinary ticks."""
         times = self._times[first:last]
-        _, detected, isolated, _, onset_s, isolated_s, also = self._observer.follow(times[0], times[-1])
+        _, detected, isolated, _, onset_s, isolated_s, also, unsure = self._observer.follow(times[0], times[-1])
         sizes: Iterable[float] = repeat(np.nan)
         thresholds = zip(*self._thresholds[first:last].T.tolist(), strict=True)
         if isolated in ISOLABLE_KINDS:
             sizes = self.made[first:last, RESIDUAL + ISOLABLE_KINDS.index(isolated)].tolist()
         found, since = (repeat(detected), repeat(isolated)), (repeat(onset_s), repeat(isolated_s))
-        rows = zip(times, *found, sizes, *since, thresholds, repeat(also), strict=False)
+        rows = zip(times, *found, sizes, *since, thresholds, repeat(also), repeat(unsure), strict=False)
         self.status += map(partial(tuple.__new__, StatusRow), rows)  # as `_make`, in half the time
 
     def _conclude(self, k: int) -> None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ac_common.arrays import Arrays, same_shape
 from ac_common.compiled import ready
-from ac_common.fdi_status import StatusRow
+from ac_common.fdi_status import StatusRow, acted_on
 from ac_common.products import columns_of, multiply
 from ac_common.signals import Innovation
 from fdi_node.compiled import Array, jit
@@ -102,6 +102,8 @@ class Detection(NamedTuple):
         When the fault was isolated [s]; nan when none is.
     also_isolated : str or None
         The fault that was isolated before, when it is still there.
+    unsure : str or None
+        That of both whose name may yet be the other's, so that accommodation waits.
     """
 
     innovation: Innovation
@@ -113,11 +115,17 @@ class Detection(NamedTuple):
     onset_s: float
     isolated_s: float
     also_isolated: str | None = None
+    unsure: str | None = None
+
+    @property
+    def acted_on(self) -> tuple[str | None, str | None]:
+        """`isolated` and `also_isolated`, None in place of one that is unsure."""
+        return acted_on(self.isolated, self.also_isolated, self.unsure)
 
     def status(self, time_s: float) -> StatusRow:
         """Return what ``fdi/status`` says of it, at a time that counts from the first tick."""
-        _, _, thresholds, detected, isolated, size, onset_s, isolated_s, also = self
-        return StatusRow(time_s, detected, isolated, size, onset_s, isolated_s, thresholds, also)
+        _, _, thresholds, detected, isolated, size, onset_s, isolated_s, *others = self
+        return StatusRow(time_s, detected, isolated, size, onset_s, isolated_s, thresholds, *others)
 
 
 _INPUT_SIZES = np.array([4.0, 0.01, 1.0, 1000.0, 1.0, 0.5])

@@ -98,7 +98,7 @@ class CompensatorNode(LoopNode):
             measured = (*measured, values[-1])
         if self.is_realtime:
             self._warm_restart(time_ns, signal, status, reference)
-        q = self._compensator.step(signal, status.isolated, status.also_isolated, reference, measured)
+        q = self._compensator.step(signal, *status.acted_on, reference, measured)
         self.enter(self._compensator.does, time_ns)
         self.send(time_ns, "compensator/q", *q.tolist())
         self.checkpoint.save(time_ns, self._compensator)
@@ -114,7 +114,7 @@ class CompensatorNode(LoopNode):
         self._joins = False
         missed = self.missed_ticks(self._stepped_ns, time_ns) if self._stepped_ns >= 0 else 0
         if 0 < missed * self.sample_time_s < AGE_S:
-            self._compensator.warm_restart(signal, status.isolated, status.also_isolated, reference, missed)
+            self._compensator.warm_restart(signal, *status.acted_on, reference, missed)
         self._stepped_ns = time_ns
 
     def _may_change(self, parameters: Sequence[RosParameter]) -> SetParametersResult:

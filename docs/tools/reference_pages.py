@@ -64,6 +64,7 @@ def topics_page() -> str:
             f"  fault is; values with the keys {', '.join(f'`{key}`' for key in status.values)}. Sizes and",
             f"  thresholds are in {units(ISOLABLE)}, times count from the first tick, nan stands for *not yet*.",
             f"  A fault that is certainly there and that no filter is for is isolated as `{UNKNOWN}`; it has no size.",
+            "  Of what is isolated `unsure` is that whose name may yet be the other's: there is no q for it meanwhile.",
             "",
             "## Quality of service",
             "",

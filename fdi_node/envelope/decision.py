@@ -56,6 +56,7 @@ class Conclusion(NamedTuple):
     onset_s: float
     isolated_s: float
     also_isolated: str | None
+    unsure: str | None = None
 
 
 @dataclass
@@ -181,7 +182,8 @@ class EnvelopeDecision:
                 return Conclusion(thresholds, True, UNKNOWN, math.nan, one.onset_s, one.isolated_s, None)
         last, also = self.isolated[-1], self.isolated[0].name if len(self.isolated) > 1 else None
         size = float(self._memory.x[last.unknown])
-        return Conclusion(thresholds, True, last.name, size, last.onset_s, last.isolated_s, also)
+        unsure = next((one.name for one in self.isolated if not one.is_sure), None)
+        return Conclusion(thresholds, True, last.name, size, last.onset_s, last.isolated_s, also, unsure)
 
     def _is_early(self, onset_s: float, time_s: float) -> bool:
         """Return whether what has begun then, or made the innovations inconsistent, is rather another plant."""

@@ -48,7 +48,8 @@ class Isolated:
     """A fault that is isolated.
 
     Position of its unknown (-1: none), name, times, since when it is small, whether it was isolated at once, how often
-    it has moved of late, and when it did last.
+    it has moved of late, and when it did last; whether its name has been ahead of the other one by `Limits.better`, or
+    there is no doubt about it: accommodation waits for that.
     """
 
     unknown: int
@@ -59,6 +60,7 @@ class Isolated:
     is_abrupt: bool = False
     moves: float = 0.0
     moved_s: float = 0.0
+    is_sure: bool = True
 
     def rests(self, time_s: float, limits: Limits) -> bool:
         """Take note of a move of this fault; return whether it has moved no more often than it may."""
@@ -141,6 +143,7 @@ class Isolation:
                     self.add(Isolated(-1, UNKNOWN, one.onset_s, new.isolated_s))
                 return
         self.is_kept = self.is_kept and bool(self.faults)
+        new.is_sure = bool(self.faults) or self._is_ahead
         self.faults.append(new)
         if sum(one.unknown >= 0 for one in self.faults) > MOST_AT_ONCE:
             self.faults[:] = [Isolated(-1, UNKNOWN, self.faults[0].onset_s, new.isolated_s)]
@@ -179,6 +182,8 @@ class Isolation:
         rival.compare(self._memory)
         is_alone = [one.unknown for one in self.faults] == [1 - rival.unknown]
         is_better = is_alone and rival.evidence < -self._limits.better
+        if is_alone and self._is_ahead:
+            self.faults[0].is_sure = True
         if rival.is_lost or not is_alone or rival.evidence > self._limits.settled:
             self.rival = None
         elif is_better:
@@ -194,6 +199,11 @@ class Isolation:
             return False
         self._set_drifts()
         return is_better
+
+    @property
+    def _is_ahead(self) -> bool:
+        """Whether no other explanation of the named fault is near."""
+        return self.rival is None or self.rival.evidence >= self._limits.better
 
     def state(self) -> dict[str, Any]:
         """Return what one that takes this one's place has to know, fit for JSON (inf included)."""
@@ -221,7 +231,9 @@ class Isolation:
         there, asked, limits = [one.unknown for one in self.faults], self.asked, self._limits
         asked[SETTLE_S] = limits.settle_open_s if self.is_open else limits.settle_s
         asked[IS_THERE : IS_THERE + NAMED] = [i in there for i in range(NAMED)]
-        asked[NEVER] = self.rival is not None or self.is_doubtful  # other observers have to take every tick
+        # Other observers have to take every tick, and a fault that is not acted on is none that the loop's code knows.
+        is_sure = all(one.is_sure for one in self.faults)
+        asked[NEVER] = self.rival is not None or self.is_doubtful or not is_sure
         self._let_drift(self._rules, there)
         if self.rival is not None:
             self._let_drift(self.rival.rules, [self.rival.unknown])

@@ -18,6 +18,7 @@ from gimc_controller_node.reference_limits import TOO_DRY
 SPEED = {"kind": "compressor_speed", "size_rpm": 40.0, "onset_s": 60.0, "end_s": 120.0}
 PRESSURE = {"kind": "evaporator_pressure", "size_kpa": 5.0, "onset_s": 90.0}
 SUPERHEAT = {"kind": "superheat_sensor", "size_k": 3.0, "onset_s": 60.0}
+SMALL = {"kind": "evaporator_pressure", "size_kpa": 0.4, "onset_s": 60.0}
 COMPONENT = {"kind": "condenser_fouling", "size_percent": 50.0, "onset_s": 30.0, "end_s": 60.0}
 INLET = {"kind": "air_inlet_sensor", "size_k": 4.0, "onset_s": 60.0, "end_s": 70.0}
 SLOW = {"kind": "valve_slow", "size_s": 5.0, "onset_s": 20.0, "end_s": 40.0}
@@ -33,6 +34,7 @@ HIGHER = {"references": {"superheat_k": [{"at_s": 30.0, "to": 8.0}]}}
 CASES = {
     "healthy": {},
     "faults": {"faults": [SPEED, PRESSURE, COMPONENT]},
+    "unsure": {"operating_point": "high", "faults": [SMALL]},
     "inlet": {"faults": [INLET]},
     "no name": {"faults": [SUPERHEAT, PRESSURE]},
     "too dry": {"operating_point": "low", **DRY_AIR, **HIGHER},
@@ -82,6 +84,8 @@ def test_both_loops_are_the_same_to_the_last_bit(name):
         assert compiled.concluded < 0.03 * len(loop.made)
     said = {event["what"] for event in loop.events}
     assert {"too dry": TOO_DRY in said, "protected": DRY in said}.get(name, True)
+    waits = [row.isolated is not None and row.acted_on[0] is None for row in loop.status]
+    assert {"unsure": any(waits) and not waits[-1]}.get(name, True)
 
 
 @pytest.mark.parametrize("name", CASES)

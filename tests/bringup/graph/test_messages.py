@@ -70,14 +70,15 @@ maybe_nan = st.floats(allow_infinity=False)
     detected=st.booleans(),
     isolated=st.sampled_from([None, "compressor_speed", "evaporator_pressure"]),
     also_isolated=st.sampled_from([None, "compressor_speed", "evaporator_pressure"]),
+    unsure=st.sampled_from([None, "compressor_speed", "evaporator_pressure"]),
     size=maybe_nan,
     onset_s=maybe_nan,
     isolated_s=maybe_nan,
     limit=finite,
 )
-def test_status_passes_bit_for_bit(detected, isolated, also_isolated, size, onset_s, isolated_s, limit):
+def test_status_passes_bit_for_bit(detected, isolated, also_isolated, unsure, size, onset_s, isolated_s, limit):
     topic = BY_NAME["fdi/status"]
-    row = StatusRow(1.5, detected, isolated, size, onset_s, isolated_s, (limit, -limit), also_isolated)
+    row = StatusRow(1.5, detected, isolated, size, onset_s, isolated_s, (limit, -limit), also_isolated, unsure)
     data = packer(topic)(1_500_000_000, [row])
     message = received(topic, data)
     assert repr(message_reader(topic)(message)) == repr((row,))

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
+from ac_common.fdi_status import status_row, status_values
 from ac_common.units import KPA, RPM
 from fdi_node.envelope import EnvelopeDetector, Limits
 from fdi_node.envelope.isolation import Isolation
@@ -61,6 +62,36 @@ def test_what_is_right_by_far_is_compared_no_longer() -> None:
     loop = with_a_rival("compressor_speed")
     until(loop, lambda: isolation_of(loop).rival is None, "compressor_speed")
     assert [one.name for one in isolation_of(loop).faults] == ["compressor_speed"]
+
+
+def test_a_name_is_acted_on_when_the_other_one_is_far_behind() -> None:
+    name = "evaporator_pressure"
+    loop = with_a_rival(name)
+    isolation = isolation_of(loop)
+    assert isolation.rival is not None
+    isolation.rival.evidence, isolation.faults[0].is_sure = 0.0, False
+    said = loop.step(**FAULTS[name])
+    assert (said.isolated, said.unsure, said.acted_on) == (name, name, (None, None))
+    assert status_row(status_values(said.status(0.0)), 0.0).acted_on == (None, None)
+    twin = EnvelopeDetector(design())
+    twin.restore(json.loads(json.dumps(loop.detector.state())))
+    assert not twin._decision.isolation.faults[0].is_sure
+    isolation.rival.evidence = 1.5 * Limits().better
+    said = loop.step(**FAULTS[name])
+    assert (said.isolated, said.unsure, said.acted_on) == (name, None, (name, None))
+    isolation.rival.evidence = 0.0  # what has been sure stays so until the name is another one
+    assert loop.step(**FAULTS[name]).acted_on == (name, None)
+
+
+def test_what_is_unsure_stays_so_when_nothing_is_compared_any_more() -> None:
+    name = "evaporator_pressure"
+    loop = with_a_rival(name)
+    isolation = isolation_of(loop)
+    assert isolation.rival is not None
+    isolation.rival.is_lost, isolation.faults[0].is_sure, isolation.rival.evidence = True, False, 0.0
+    said = [loop.step(**FAULTS[name]) for _ in range(2)][-1]
+    assert isolation.rival is None
+    assert (said.isolated, said.acted_on) == (name, (None, None))
 
 
 def test_what_jumps_clearly_has_no_rival() -> None:
