@@ -52,6 +52,7 @@ def parts() -> Iterator[tuple[Any, tuple[Any, ...]]]:
     m, rules = memory_of(flat, 1, 1), rules_in(design)
     k = views(m.work)
     yield kalman.accept_jump, (flat, rules, 0, False)
+    yield kalman.accept_reading_jump, (flat, rules, 0)
     yield kalman.settle, (flat, rules, 0, 0.0)
     yield is_quiet, (flat, design, size, size)
     yield jumps.begin_due, (m, rules, 0)

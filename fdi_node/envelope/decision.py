@@ -39,7 +39,7 @@ from fdi_node.envelope import jumps
 from fdi_node.envelope.explanations import COMPRESSOR, PRESSURE, Explanations
 from fdi_node.envelope.isolation import NOT, Isolated, Isolation
 from fdi_node.envelope.limits import Limits
-from fdi_node.envelope.memory import LARGEST, N_ONSETS, NIS, TICKS, memory_of, rules_in
+from fdi_node.envelope.memory import JUMPED, LARGEST, LEFT, N_ONSETS, NIS, TICKS, memory_of, rules_in
 from fdi_node.envelope.quiet import HIGHEST, IS_THERE, LOWEST, NAMED, SETTLE_S, is_quiet
 from fdi_node.envelope.unknowns import NATURAL, UNKNOWNS, Unknown
 
@@ -193,6 +193,11 @@ class EnvelopeDecision:
     def _explain(self, time_s: float) -> None:
         """Accept the explanation that is ahead of the others."""
         limits, since = self.limits, self.since
+        if self._memory.scalars[JUMPED] != 0.0:  # in one tick: nothing physical can do it
+            kalman.accept_reading_jump(self._flat, self._rules, PRESSURE)
+            since.unlikely()
+            self._add(PRESSURE, self._unknowns[PRESSURE].reported, time_s - self._h, time_s, True)
+            return
         here = float(self._memory.scalars[LARGEST])
         if here < limits.natural:
             since.unlikely()
@@ -304,6 +309,7 @@ class EnvelopeDecision:
         """Go over a gap: what seemed likely before it is looked for anew."""
         self.since = Since()
         self.isolation.begin_anew()
+        self._memory.scalars[LEFT] = math.nan
         jumps.begin_all(self._memory, self._rules)
 
     def state(self) -> dict[str, Any]:

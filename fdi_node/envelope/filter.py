@@ -29,9 +29,12 @@ from fdi_node.envelope.memory import (
     AGE,
     DOUBT,
     GATED,
+    JUMPED,
+    LEFT,
     LOST,
     NIS,
     OPENING_THEN,
+    READ,
     SLOPE,
     SPEED_THEN,
     TICKS,
@@ -67,6 +70,9 @@ LEAST_STEP, KNOWN_STEP = 1.0e-7, 1.0e-3
 """but at least the first, and the second for an unknown that is known; in units of the scales."""
 GATE, GATED_S = 8.0, 2.0
 """A reading this many standard deviations off does not correct the estimate, for at most so long."""
+READING_JUMP = 10.0
+"""A reading of p_e has jumped when it has moved in one tick by this many standard deviations of the difference of two
+readings, and by as much more than the model has. Air flows that step move p_e by a quarter of that in a tick."""
 NIS_S, MOST = 5.0, 25.0
 """Time constant of the mean of the squares of the white innovations, each cut at the second number."""
 SHORT_ZONE = 0.12
@@ -129,6 +135,15 @@ def _uncertain(m: Memory, rules: Rules) -> int:
 
 
 @jit
+def _jumped(m: Memory, rules: Rules, pressure: float) -> float:
+    """Return by how much the reading of p_e has jumped since the tick before, 0 when it has not: `READING_JUMP`."""
+    moved, off = pressure - m.scalars[READ], m.e[0] - m.scalars[LEFT]
+    m.scalars[READ] = pressure
+    jumped = off if abs(off) < abs(moved) else moved
+    return float(jumped) if abs(jumped) > READING_JUMP * np.sqrt(2.0 * rules.R[0]) and off * moved > 0.0 else 0.0
+
+
+@jit
 def innovate(m: Memory, rules: Rules, reading: Array) -> None:
     """Work out innovations, C P and the innovations' standard deviations before this tick's correction."""
     n = _uncertain(m, rules)
@@ -138,6 +153,7 @@ def innovate(m: Memory, rules: Rules, reading: Array) -> None:
         if int(rules.rows[i, PLACE]) == READING:
             at = int(rules.rows[i, POSITION])
             m.e[at] -= m.x[i] / READING_SCALE[at]
+    m.scalars[JUMPED] = _jumped(m, rules, reading[0] / READING_SCALE[0])
     for r in range(N_READINGS):
         K = m.PC[r]
         for i in range(m.P.shape[0]):
@@ -179,7 +195,7 @@ def correct(m: Memory, rules: Rules) -> None:
         total += min(m.white[r] ** 2, MOST)
         readings += 1.0
         jumps.follow(m, G[r], e, s)
-        if may_gate and abs(m.white[r]) > GATE:
+        if (may_gate and abs(m.white[r]) > GATE) or (r == 0 and m.scalars[JUMPED] != 0.0):
             gated = True
             continue
         gains[r] = 1.0 / s
@@ -196,6 +212,9 @@ def correct(m: Memory, rules: Rules) -> None:
                 G[later, j] -= f * G[r, j]
     subtract(m.PC, gains, m.PC, n, m.P)
     subtract(m.PC, gains, G, n, m.V)
+    m.scalars[LEFT] = m.e[0]
+    for i in range(n):
+        m.scalars[LEFT] -= m.C[0, i] * dz[i]
     m.scalars[GATED] = m.scalars[GATED] + 1.0 if gated else max(m.scalars[GATED] - 0.1, 0.0)
     m.scalars[NIS] += (total / readings - m.scalars[NIS]) * rules.constants[0] / NIS_S
 
@@ -310,7 +329,26 @@ def accept_jump(flat: Array, rules: Rules, h: int, is_fault: bool) -> None:
     m = memory_of(flat, rules.rows.shape[0], rules.jumping.shape[0])
     jumps.accept(m, rules, h, is_fault, m.dz)
     _move(m, views(m.work), rules, m.dz)
+    for i in range(m.P.shape[0]):
+        m.scalars[LEFT] -= m.C[0, i] * m.dz[i]
     m.scalars[AGE] = rules.constants[1]  # the Jacobian was that of another state
+
+
+@jit
+def accept_reading_jump(flat: Array, rules: Rules, unknown: int) -> None:
+    """Take it that the reading of p_e has jumped by `JUMPED`, and the unknown that is its error with it.
+
+    The jump may be off by what the plant itself may have moved by: its variance is the innovation's.
+    """
+    m = memory_of(flat, rules.rows.shape[0], rules.jumping.shape[0])
+    at, unit = N_STATES + unknown, READING_SCALE[0] / rules.rows[unknown, SCALE]
+    for i in range(m.P.shape[0]):
+        m.dz[i] = 0.0
+    m.dz[at] = m.scalars[JUMPED] * unit
+    m.P[at, at] += (m.s[0] * unit) ** 2
+    _move(m, views(m.work), rules, m.dz)
+    m.scalars[LEFT] -= m.scalars[JUMPED]
+    jumps.begin_all(m, rules)
 
 
 @jit

@@ -26,11 +26,14 @@ LANES = 8
 """So many numbers are a line of the cache, and the most that a processor takes at a time."""
 
 TICKS, LOST, AGE, ZETA_THEN, SPEED_THEN, OPENING_THEN, DOUBT, NIS, GATED, LARGEST, SLOPE = range(11)
+READ, LEFT, JUMPED = range(11, 14)
 """Scalars: ticks observed; corrections that led outside the model's domain and were taken back; ticks since the last
 Jacobian, and zone length, speed, opening there; how short the superheated zone is (0..1); mean square of the white
 innovations; ticks for which readings have been gated; largest ratio of all jumps in all windows; K/Pa by which the
-reading of SH rises with p_e beside: dT_sat/dp where it is an outlet temperature, else 0."""
-N_SCALARS = 11
+reading of SH rises with p_e beside: dT_sat/dp where it is an outlet temperature, else 0; the last reading of p_e, and
+what the correction has left of its innovation, nan when what was before is not known; by how much the reading has
+jumped in this tick, or 0."""
+N_SCALARS = 14
 
 
 class Rules(NamedTuple):

@@ -5,7 +5,7 @@ import numpy as np
 from ac_plant_node.dynamics.balances import N_STATES
 from fdi_node.envelope.compiled import Array, jit
 from fdi_node.envelope.jumps import begin_all
-from fdi_node.envelope.memory import LARGEST, NIS, TICKS, Memory, Rules, memory_of, rules_in
+from fdi_node.envelope.memory import JUMPED, LARGEST, NIS, TICKS, Memory, Rules, memory_of, rules_in
 
 NAMED = 2
 """The first so many unknowns are the faults of `ac_common.faults.ISOLABLE`."""
@@ -40,7 +40,8 @@ def is_quiet(flat: Array, packed: Array, asked: Array, thresholds: Array) -> boo
 @jit
 def leaves_nothing(m: Memory, rules: Rules, asked: Array, thresholds: Array) -> bool:
     """Do as `is_quiet`, on the parts of both arrays."""
-    calm = is_healthy = asked[NEVER] == 0.0
+    is_healthy = asked[NEVER] == 0.0
+    calm = is_healthy and m.scalars[JUMPED] == 0.0
     for i in range(NAMED):
         at = N_STATES + i
         deviation = np.sqrt(max(m.P[at, at], 0.0)) * asked[UNITS + i]

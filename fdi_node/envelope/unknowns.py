@@ -101,7 +101,7 @@ UNKNOWNS = (
         0.02 * KPA,
         5.0e-4 * KPA,
         (-60.0 * KPA, 60.0 * KPA),
-        10.0 * KPA,
+        1.6 * KPA,  # what jumps by much more has its name in that tick: `filter.READING_JUMP`
         _PRESSURE,
         0.02 * KPA,
         0.05 * KPA,
