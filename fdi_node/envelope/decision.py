@@ -228,8 +228,8 @@ class EnvelopeDecision:
         if since.likely == NOT:
             since.likely = time_s
         waited_s = 0.0 if self.isolated or is_open else time_s - since.likely
-        is_slow_sensor = is_open and unknown == PRESSURE and not at_once  # parameters that are wrong look like one
-        if is_slow_sensor or not lead > limits.lead(best, waited_s, unknown == PRESSURE):
+        is_doubtful = is_open and unknown == PRESSURE  # parameters that are wrong look like a slow one of the sensor
+        if is_doubtful or not lead > limits.lead(best, waited_s, unknown == PRESSURE):
             since.ahead = NOT
         elif unknown != since.leader or since.ahead == NOT:
             since.leader, since.ahead = unknown, time_s
@@ -254,8 +254,8 @@ class EnvelopeDecision:
             self._add(-1, UNKNOWN, onset_s, time_s)
 
     def _stands_out(self, ratios: list[float]) -> bool:
-        stands_out = self._explanations.is_reading_jump if self.isolation.is_open else self._explanations.is_abrupt
-        return stands_out(self._memory, self._rules, ratios, self.limits)
+        explains = self._explanations.is_abrupt(self._memory, self._rules, ratios, self.limits)
+        return explains and not self.isolation.is_open
 
     def _accept(self, top: int, time_s: float) -> str:
         """Move the estimate as an explanation says, and return what it is reported as."""

@@ -8,7 +8,6 @@ from ac_common.faults import UNKNOWN
 from fdi_node.envelope import jumps
 from fdi_node.envelope.limits import Limits
 from fdi_node.envelope.memory import Memory, Rules
-from fdi_node.envelope.model import READING_SCALE
 from fdi_node.envelope.quiet import NAMED
 from fdi_node.envelope.unknowns import NATURAL, Unknown
 
@@ -55,12 +54,6 @@ class Explanations(NamedTuple):
         is_named = self.reported[top] not in (UNKNOWN, NATURAL)
         has_jumped = is_named and not rules.growing[top] and age_s <= limits.at_once_s
         return bool(has_jumped and lead > max(limits.at_once, limits.at_once_share * best))
-
-    def is_reading_jump(self, m: Memory, rules: Rules, ratios: list[float], limits: Limits) -> bool:
-        """Return whether what is ahead is the pressure's sensor, by a jump in this tick that no plant can make."""
-        top, _, lead = self.ahead(ratios, limits)
-        is_sensor = self.positions[top] == PRESSURE and not rules.growing[top] and m.age[int(m.best[top])] <= 1.0
-        return bool(is_sensor and lead > limits.ahead and abs(m.e[0]) * READING_SCALE[0] > limits.at_once_open_pa)
 
     def air_flow_that_jumped(
         self, m: Memory, rules: Rules, ratios: list[float], limits: Limits, is_first: bool

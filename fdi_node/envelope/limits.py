@@ -25,11 +25,9 @@ class Limits:
         A first fault that is not certain needs less of a lead the longer it has been likely, in proportion to time, and
         none after the first: who waits on learns little more of which fault it is. One of the pressure's sensor always
         needs the second: if that is wrong K0 holds another pressure, and a wrong fault of the compressor does no harm.
-    at_once, at_once_share, at_once_s, at_once_open_pa : float
+    at_once, at_once_share, at_once_s : float
         A named fault that is ahead by this much, and by this share of its own ratio, and has begun no longer ago than
-        the third, is isolated in the same tick: a reading that jumps by many standard deviations in one tick has no
-        physical cause. Where the plant's parameters are estimated only one of the pressure's sensor is, ahead of the
-        others, whose reading is in its first tick off by more than the last.
+        the last, is isolated in the same tick, but where the plant's parameters are estimated.
     hold_s, hold_unsure_s, hold_growing_s : float
         How long a fault of the compressor whose ratio is above `plain`, with a full lead, any other one (early in a
         fault of the compressor a jump of the pressure's sensor can explain as much), and one that grows must be ahead;
@@ -86,7 +84,6 @@ class Limits:
     at_once: float = 60.0
     at_once_share: float = 0.15
     at_once_s: float = 3.0
-    at_once_open_pa: float = 3.0 * KPA
     hold_s: float = 0.4
     hold_unsure_s: float = 3.0
     hold_growing_s: float = 10.0
