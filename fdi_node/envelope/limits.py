@@ -95,7 +95,7 @@ class Limits:
     settle_s: float = 20.0
     afresh_s: float = 10.0
     trust_s: float = 25.0
-    settle_open_s: float = 120.0
+    settle_open_s: float = 30.0
     sigmas: float = 5.0
     floor_rad_s: float = 1.5 * RPM
     floor_pa: float = 0.1 * KPA
