@@ -20,8 +20,8 @@ import numpy as np
 from ac_plant_node.dynamics.balances import N_STATES
 from ac_plant_node.dynamics.drive import OPENING
 from fdi_node.envelope.compiled import Array, jit
-from fdi_node.envelope.memory import ABRUPT, LARGEST, N_BEGINNINGS, N_ONSETS, N_WINDOWS, TICKS, Memory, Rules
-from fdi_node.envelope.model import SCALE
+from fdi_node.envelope.memory import ABRUPT, LARGEST, N_BEGINNINGS, N_ONSETS, N_WINDOWS, OFF, TICKS, Memory, Rules
+from fdi_node.envelope.model import PLACE, POSITION, READING, READING_SCALE, SCALE
 from fdi_node.envelope.products import multiply, terms
 
 SHORTEST_S, LONGEST_S = 1, 128
@@ -36,6 +36,9 @@ LINEARISED = 0.4
 LARGEST_JUMP = 2.0
 """No jump is larger than this many of its prior standard deviations. Without a limit an absurdly large one, some ticks
 ago, would explain a reading's jump nearly as well as that does."""
+UNSEEN = 4.0
+"""By how many standard deviations of the difference of two readings a jump of p_e may differ from what was seen in its
+tick. The observer's own innovation may tell little of that: after a step of the blower it believes a reading."""
 
 
 @jit
@@ -81,10 +84,10 @@ def _begin_onset(m: Memory, rules: Rules, tick: int) -> None:
         onset, kept = first + tick % N_ONSETS, first + N_ONSETS
         at, to = _column(onset, h, q), _column(kept, h, q)
         too_old = m.age[kept] * rules.constants[0] > LONGEST_S
-        if too_old or _ratio(m, rules, at, h) > _ratio(m, rules, to, h):
+        if too_old or _ratio(m, rules, onset, h) > _ratio(m, rules, kept, h):
             for i in range(m.V.shape[0]):
                 m.V[i, to] = m.V[i, at]
-            m.S[to], m.d[to], m.age[kept] = m.S[at], m.d[at], m.age[onset]
+            m.S[to], m.d[to], m.age[kept], m.seen[kept] = m.S[at], m.d[at], m.age[onset], m.seen[onset]
         for i in range(m.V.shape[0]):
             m.V[i, at] = 0.0
         _begin_column(m, rules, at, h)
@@ -123,7 +126,8 @@ def told_before(m: Memory, rules: Rules, h: int) -> float:
     for at in range(N_WINDOWS * q + N_BEGINNINGS - N_WINDOWS):
         other = at % q if at < N_WINDOWS * q else _abrupt(at - N_WINDOWS * (q - 1))
         if other != h:
-            ratio = _ratio_of(then[0, at], then[1, at], rules.prior[other], _largest(rules, other))
+            most = _largest(rules, other)
+            ratio = _ratio_of(then[0, at], then[1, at], rules.prior[other], -most, most)
             largest = max(largest, ratio)
     return largest
 
@@ -161,6 +165,8 @@ def begin_due(m: Memory, rules: Rules, tick: int) -> None:
     for at in range(m.S.shape[0]):
         m.past[tick % N_ONSETS, 0, at], m.past[tick % N_ONSETS, 1, at] = m.S[at], m.d[at]
     for beginning in range(N_BEGINNINGS):
+        if m.age[beginning] == 0.0:  # what jumps then shows in this tick
+            m.seen[beginning] = m.scalars[OFF]
         m.age[beginning] += 1.0
 
 
@@ -206,16 +212,14 @@ def judge(m: Memory, rules: Rules) -> None:
     for window in range(N_WINDOWS):
         m.telling[window] = -np.inf
     for h in range(q):
-        prior, largest = rules.prior[h], _largest(rules, h)
         for window in range(N_WINDOWS):
-            at = window * q + h
-            ratio = _ratio_of(m.S[at], m.d[at], prior, largest)
+            ratio = _ratio(m, rules, window, h)
             m.telling[window] = max(m.telling[window], ratio)
             if ratio > m.ratios[h]:
                 m.ratios[h], m.best[h] = ratio, window
     for onset in range(N_WINDOWS, N_BEGINNINGS):
         h = _abrupt(onset)
-        ratio = _ratio(m, rules, _column(onset, h, q), h)
+        ratio = _ratio(m, rules, onset, h)
         if ratio > m.ratios[h]:
             m.ratios[h], m.best[h] = ratio, onset
     for h in range(q):
@@ -229,23 +233,38 @@ def _largest(rules: Rules, h: int) -> float:
 
 
 @jit
-def _size(m: Memory, rules: Rules, at: int, h: int) -> float:
-    largest = _largest(rules, h)
-    return float(min(max(m.d[at] / (m.S[at] + rules.prior[h]), -largest), largest))
+def _limits(m: Memory, rules: Rules, beginning: int, h: int) -> tuple[float, float]:
+    """Return the least and the largest size of the h-th jump since a beginning; one of p_e's reading was seen then."""
+    most, row = _largest(rules, h), rules.rows[int(rules.jumping[h])]
+    is_pressure = int(row[PLACE]) == READING and int(row[POSITION]) == 0 and rules.growing[h] == 0.0
+    if not is_pressure or np.isnan(m.seen[beginning]):
+        return -most, most
+    seen, unit = m.seen[beginning], READING_SCALE[0] / row[SCALE]
+    apart = UNSEEN * np.sqrt(2.0 * rules.R[0])
+    return max((seen - apart) * unit, -most), min((seen + apart) * unit, most)
 
 
 @jit
-def _ratio_of(S: float, d: float, prior: float, largest: float) -> float:
+def _size(m: Memory, rules: Rules, beginning: int, h: int) -> float:
+    """Return the size of the h-th jump since a beginning."""
+    at, (least, most) = _column(beginning, h, rules.jumping.shape[0]), _limits(m, rules, beginning, h)
+    return float(min(max(m.d[at] / (m.S[at] + rules.prior[h]), least), most))
+
+
+@jit
+def _ratio_of(S: float, d: float, prior: float, least: float, most: float) -> float:
     if prior < 0.0:
         return 2.0 * d - S
     total = S + prior
-    size = min(max(d / total, -largest), largest)
+    size = min(max(d / total, least), most)
     return size * (2.0 * d - size * total)
 
 
 @jit
-def _ratio(m: Memory, rules: Rules, at: int, h: int) -> float:
-    return float(_ratio_of(m.S[at], m.d[at], rules.prior[h], _largest(rules, h)))
+def _ratio(m: Memory, rules: Rules, beginning: int, h: int) -> float:
+    """Return the likelihood ratio of the h-th jump since a beginning."""
+    at, (least, most) = _column(beginning, h, rules.jumping.shape[0]), _limits(m, rules, beginning, h)
+    return float(_ratio_of(m.S[at], m.d[at], rules.prior[h], least, most))
 
 
 @jit
@@ -260,7 +279,7 @@ def accept(m: Memory, rules: Rules, h: int, is_fault: bool, dz: Array) -> None:
     for i in range(n):
         dz[i] = 0.0
     if rules.prior[h] >= 0.0:
-        total, size = m.S[at] + rules.prior[h], _size(m, rules, at, h)
+        total, size = m.S[at] + rules.prior[h], _size(m, rules, beginning, h)
         for i in range(n):
             dz[i] = m.V[i, at] * size
             for j in range(n):

@@ -26,14 +26,14 @@ LANES = 8
 """So many numbers are a line of the cache, and the most that a processor takes at a time."""
 
 TICKS, LOST, AGE, ZETA_THEN, SPEED_THEN, OPENING_THEN, DOUBT, NIS, GATED, LARGEST, SLOPE = range(11)
-READ, LEFT, JUMPED = range(11, 14)
+READ, LEFT, OFF, JUMPED = range(11, 15)
 """Scalars: ticks observed; corrections that led outside the model's domain and were taken back; ticks since the last
 Jacobian, and zone length, speed, opening there; how short the superheated zone is (0..1); mean square of the white
 innovations; ticks for which readings have been gated; largest ratio of all jumps in all windows; K/Pa by which the
 reading of SH rises with p_e beside: dT_sat/dp where it is an outlet temperature, else 0; the last reading of p_e, and
-what the correction has left of its innovation, nan when what was before is not known; by how much the reading has
-jumped in this tick, or 0."""
-N_SCALARS = 14
+what the correction has left of its innovation, nan when what was before is not known; by how much more than the model
+the reading has moved in this tick, and that again where it has jumped, else 0."""
+N_SCALARS = 15
 
 
 class Rules(NamedTuple):
@@ -86,10 +86,10 @@ class Memory(NamedTuple):
     other over theirs, and these; `P` (n, n), `A`, `F` (12, n), `C`, `PC` (4, n): covariance, Jacobian, transition,
     Jacobian of the readings, C P, all in units of the scales; `turned` (n, 12): the transition's transpose; `V`
     (n, w q + 11 a), `S`, `d` (w q + 11 a,): as in `jumps`, of the jumps in w windows, then of each of the a abrupt ones
-    from each of the last ticks on, and of the one that is kept; `age` (w + 11 a,): ticks of each;
-    `telling`, `opening` (w,): a window's largest ratio, the valve's opening when it began; `ratios`, `best` (q,): of
-    each jump the largest ratio, and which beginning it is of; `past` (10, 2, w q + 11 a): S and d before each of the
-    last ticks.
+    from each of the last ticks on, and of the one that is kept; `age`, `seen` (w + 11 a,): ticks of each, and `OFF` in
+    its first; `telling`, `opening` (w,): a window's largest ratio, the valve's opening when it began; `ratios`, `best`
+    (q,): of each jump the largest ratio, and which beginning it is of; `past` (10, 2, w q + 11 a): S and d before each
+    of the last ticks.
 
     The rest is room: `step`, `dz` (n,): steps of the differences, the correction; `gains` (4,), `G` (4, w q + 11 a):
     of the readings; `columns`: as `products.terms`; `FP`, `FPF` (12, .), `FV` (12, w q + 11 a): products.
@@ -120,6 +120,7 @@ class Memory(NamedTuple):
     S: Array
     d: Array
     age: Array
+    seen: Array
     telling: Array
     opening: Array
     ratios: Array
@@ -153,9 +154,10 @@ def _layout(m: int, q: int) -> NDArray[np.int64]:
         (line, N_WORK), (line, N_SCALARS), (line, m), (line, N_READINGS), (line, N_STATES), (line, N_STATES),
         (line, N_PARAMETERS), (line, N_HELD), (line, N_READINGS), (line, N_READINGS), (line, N_READINGS),
         (line, N_READINGS), (n, filled), (N_STATES, n), (N_STATES, n), (N_READINGS, n), (N_READINGS, filled),
-        (n, states), (n, wide), (line, wide), (line, wide), (line, N_BEGINNINGS), (line, N_WINDOWS), (line, N_WINDOWS),
-        (line, q), (line, q), (N_ONSETS * 2, wide), (line, n), (line, n), (line, N_READINGS), (N_READINGS, wide),
-        (line, filled), (N_STATES, filled), (N_STATES, states), (N_STATES, wide), (line, 0),
+        (n, states), (n, wide), (line, wide), (line, wide), (line, N_BEGINNINGS), (line, N_BEGINNINGS),
+        (line, N_WINDOWS), (line, N_WINDOWS), (line, q), (line, q), (N_ONSETS * 2, wide), (line, n), (line, n),
+        (line, N_READINGS), (N_READINGS, wide), (line, filled), (N_STATES, filled), (N_STATES, states),
+        (N_STATES, wide), (line, 0),
     )  # fmt: skip
     found, at = np.zeros((len(parts), 3), dtype=np.int64), 0
     for i, (rows, length) in enumerate(parts):
@@ -186,9 +188,10 @@ def memory_of(flat: Array, m: int, q: int) -> Memory:
         _line(flat, at[10]), _line(flat, at[11]), _matrix(flat, at[12]), _matrix(flat, at[13]), _matrix(flat, at[14]),
         _matrix(flat, at[15]), _matrix(flat, at[16]), _matrix(flat, at[17]), _matrix(flat, at[18]),
         _line(flat, at[19]), _line(flat, at[20]), _line(flat, at[21]), _line(flat, at[22]), _line(flat, at[23]),
-        _line(flat, at[24]), _line(flat, at[25]), _matrix(flat, at[26]).reshape(N_ONSETS, 2, at[26, 2]),
-        _line(flat, at[27]), _line(flat, at[28]), _line(flat, at[29]), _matrix(flat, at[30]), _line(flat, at[31]),
-        _matrix(flat, at[32]), _matrix(flat, at[33]), _matrix(flat, at[34]),
+        _line(flat, at[24]), _line(flat, at[25]), _line(flat, at[26]),
+        _matrix(flat, at[27]).reshape(N_ONSETS, 2, at[27, 2]), _line(flat, at[28]), _line(flat, at[29]),
+        _line(flat, at[30]), _matrix(flat, at[31]), _line(flat, at[32]), _matrix(flat, at[33]), _matrix(flat, at[34]),
+        _matrix(flat, at[35]),
     )  # fmt: skip
 
 
