@@ -12,6 +12,7 @@ from playwright.sync_api import Browser, Page, expect
 from ac_common.faults import BY_KIND, UNFILTERED
 from ac_common.units import KPA
 from ac_plant_node.rest import rest_at
+from bringup.dash.rows import ROW_PERIOD_S
 from tests.domains import OWN
 from tests.live_browser import (
     FIRST_TIME_S,
@@ -156,19 +157,17 @@ def test_accommodation_is_switched_off_and_on(page: Page) -> None:
 def test_only_the_chosen_time_is_sent_and_drawn(page: Page) -> None:
     """What is not shown costs the browser nothing; it comes back when it is asked for."""
 
-    def oldest_s() -> float:
-        return float(
-            page.evaluate(
-                "(({ data }) => (data.get?.('t') ?? data.t)[0])(Bokeh.documents[0].get_model_by_name('rows'))"
-            )
-        )
+    def times_s() -> list[float]:
+        script = "(({ data }) => Array.from(data.get?.('t') ?? data.t))(Bokeh.documents[0].get_model_by_name('rows'))"
+        return [float(at_s) for at_s in page.evaluate(script)]
 
     until(lambda: newest(page, "t") > 35.0, "the loop stands still")
-    first_s = oldest_s()
+    first_s = times_s()[0]
     click(page, "30 s")
-    until(lambda: newest(page, "t") - oldest_s() < 31.0, "it holds more than it shows")
+    # On a machine that is too busy for the loop ticks are missed, and so are their rows.
+    until(lambda: len(times_s()) <= round(30.0 / ROW_PERIOD_S) + 1, "it holds more than it shows")
     click(page, "300 s")
-    until(lambda: oldest_s() <= first_s, "what had been left out does not come back")
+    until(lambda: times_s()[0] <= first_s, "what had been left out does not come back")
     click(page, "120 s")
 
 
