@@ -33,6 +33,7 @@ from fdi_node.envelope.memory import (
     LEFT,
     LOST,
     NIS,
+    NOT_KNOWN,
     OFF,
     OPENING_THEN,
     READ,
@@ -139,7 +140,7 @@ def _uncertain(m: Memory, rules: Rules) -> int:
 def _jumped(m: Memory, rules: Rules, pressure: float) -> float:
     """Return by how much the reading of p_e has jumped since the tick before, 0 when it has not: `READING_JUMP`."""
     moved, off = pressure - m.scalars[READ], m.e[0] - m.scalars[LEFT]
-    m.scalars[READ], m.scalars[OFF] = pressure, off
+    m.scalars[READ], m.scalars[OFF] = pressure, off if np.isfinite(off) else NOT_KNOWN
     jumped = off if abs(off) < abs(moved) else moved
     return float(jumped) if abs(jumped) > READING_JUMP * np.sqrt(2.0 * rules.R[0]) and off * moved > 0.0 else 0.0
 

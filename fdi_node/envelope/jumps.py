@@ -20,7 +20,18 @@ import numpy as np
 from ac_plant_node.dynamics.balances import N_STATES
 from ac_plant_node.dynamics.drive import OPENING
 from fdi_node.envelope.compiled import Array, jit
-from fdi_node.envelope.memory import ABRUPT, LARGEST, N_BEGINNINGS, N_ONSETS, N_WINDOWS, OFF, TICKS, Memory, Rules
+from fdi_node.envelope.memory import (
+    ABRUPT,
+    LARGEST,
+    N_BEGINNINGS,
+    N_ONSETS,
+    N_WINDOWS,
+    NOT_KNOWN,
+    OFF,
+    TICKS,
+    Memory,
+    Rules,
+)
 from fdi_node.envelope.model import PLACE, POSITION, READING, READING_SCALE, SCALE
 from fdi_node.envelope.products import multiply, terms
 
@@ -237,7 +248,7 @@ def _limits(m: Memory, rules: Rules, beginning: int, h: int) -> tuple[float, flo
     """Return the least and the largest size of the h-th jump since a beginning; one of p_e's reading was seen then."""
     most, row = _largest(rules, h), rules.rows[int(rules.jumping[h])]
     is_pressure = int(row[PLACE]) == READING and int(row[POSITION]) == 0 and rules.growing[h] == 0.0
-    if not is_pressure or np.isnan(m.seen[beginning]):
+    if not is_pressure or m.seen[beginning] == NOT_KNOWN:
         return -most, most
     seen, unit = m.seen[beginning], READING_SCALE[0] / row[SCALE]
     apart = UNSEEN * np.sqrt(2.0 * rules.R[0])

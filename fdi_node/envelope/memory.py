@@ -32,8 +32,10 @@ Jacobian, and zone length, speed, opening there; how short the superheated zone 
 innovations; ticks for which readings have been gated; largest ratio of all jumps in all windows; K/Pa by which the
 reading of SH rises with p_e beside: dT_sat/dp where it is an outlet temperature, else 0; the last reading of p_e, and
 what the correction has left of its innovation, nan when what was before is not known; by how much more than the model
-the reading has moved in this tick, and that again where it has jumped, else 0."""
+the reading has moved in this tick (`NOT_KNOWN` then), and that again where it has jumped, else 0."""
 N_SCALARS = 15
+NOT_KNOWN = 1.0e9
+"""More than any reading moves."""
 
 
 class Rules(NamedTuple):
