@@ -223,8 +223,10 @@ def judge(m: Memory, rules: Rules) -> None:
     for window in range(N_WINDOWS):
         m.telling[window] = -np.inf
     for h in range(q):
+        largest = _largest(rules, h)
         for window in range(N_WINDOWS):
-            ratio = _ratio(m, rules, window, h)
+            at, (least, most) = window * q + h, _limits(m, rules, window, h, largest)
+            ratio = _ratio_of(m.S[at], m.d[at], rules.prior[h], least, most)
             m.telling[window] = max(m.telling[window], ratio)
             if ratio > m.ratios[h]:
                 m.ratios[h], m.best[h] = ratio, window
@@ -244,9 +246,9 @@ def _largest(rules: Rules, h: int) -> float:
 
 
 @jit
-def _limits(m: Memory, rules: Rules, beginning: int, h: int) -> tuple[float, float]:
+def _limits(m: Memory, rules: Rules, beginning: int, h: int, most: float) -> tuple[float, float]:
     """Return the least and the largest size of the h-th jump since a beginning; one of p_e's reading was seen then."""
-    most, row = _largest(rules, h), rules.rows[int(rules.jumping[h])]
+    row = rules.rows[int(rules.jumping[h])]
     is_pressure = int(row[PLACE]) == READING and int(row[POSITION]) == 0 and rules.growing[h] == 0.0
     if not is_pressure or m.seen[beginning] == NOT_KNOWN:
         return -most, most
@@ -258,7 +260,8 @@ def _limits(m: Memory, rules: Rules, beginning: int, h: int) -> tuple[float, flo
 @jit
 def _size(m: Memory, rules: Rules, beginning: int, h: int) -> float:
     """Return the size of the h-th jump since a beginning."""
-    at, (least, most) = _column(beginning, h, rules.jumping.shape[0]), _limits(m, rules, beginning, h)
+    at = _column(beginning, h, rules.jumping.shape[0])
+    least, most = _limits(m, rules, beginning, h, _largest(rules, h))
     return float(min(max(m.d[at] / (m.S[at] + rules.prior[h]), least), most))
 
 
@@ -274,7 +277,8 @@ def _ratio_of(S: float, d: float, prior: float, least: float, most: float) -> fl
 @jit
 def _ratio(m: Memory, rules: Rules, beginning: int, h: int) -> float:
     """Return the likelihood ratio of the h-th jump since a beginning."""
-    at, (least, most) = _column(beginning, h, rules.jumping.shape[0]), _limits(m, rules, beginning, h)
+    at = _column(beginning, h, rules.jumping.shape[0])
+    least, most = _limits(m, rules, beginning, h, _largest(rules, h))
     return float(_ratio_of(m.S[at], m.d[at], rules.prior[h], least, most))
 
 
