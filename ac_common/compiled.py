@@ -28,11 +28,8 @@ Array = NDArray[np.float64]
 """What compiled functions work on; each says in its docstring which shape."""
 
 
-def compiler(*packages: str) -> Callable[..., Any]:
+def compiler(*packages: str) -> Callable[[Any], Any]:
     """Return a decorator that compiles on first call; IEEE division (no exceptions), no reordering of operations.
-
-    It may be told that a function goes ``into_callers``: it is then compiled as a part of each, and by itself only for
-    who calls it from Python. That saves the time of compiling all that such a function calls once more.
 
     Parameters
     ----------
@@ -41,7 +38,7 @@ def compiler(*packages: str) -> Callable[..., Any]:
         compiles all anew.
     """
     folder = str(compiled_folder(*packages))
-    return lambda function, into_callers=False: _compiled(function, folder, into_callers)
+    return lambda function: _compiled(function, folder)
 
 
 def step_compiler(*packages: str) -> Callable[..., Any]:
@@ -109,7 +106,6 @@ def _numba() -> Any:
 
     No function here needs it, and those of others, with `a @ b` or `np.linalg`, load it when they are compiled.
     """
-    os.environ.setdefault("NUMBA_OPT", "2")  # code as fast as that of 3, its default, in a twentieth less time
     wanted = "scipy.linalg.cython_blas"
     is_there = wanted in sys.modules
     if not is_there:
@@ -123,7 +119,7 @@ def _numba() -> Any:
     return numba
 
 
-def _compiled(function: Any, folder: str, into_callers: bool = False) -> Any:
+def _compiled(function: Any, folder: str) -> Any:
     numba = _numba()  # not in a node that can do without it
     config = numba.config
     previous = config.CACHE_DIR, getattr(config, "CACHE_LOCATOR_CLASSES", "")  # an old numba has a place for each path
@@ -131,8 +127,7 @@ def _compiled(function: Any, folder: str, into_callers: bool = False) -> Any:
     try:
         # No entry for callers in C: there are none, and it costs a tenth of the time.
         options = {"cache": _takes_files(folder), "no_cfunc_wrapper": True, "_nrt": _counts_references(function)}
-        inline = "always" if into_callers else "never"
-        return numba.njit(function, error_model="numpy", fastmath=False, inline=inline, **options)
+        return numba.njit(function, error_model="numpy", fastmath=False, **options)
     finally:
         config.CACHE_DIR, config.CACHE_LOCATOR_CLASSES = previous
 

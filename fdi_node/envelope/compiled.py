@@ -6,7 +6,7 @@ from typing import Any
 from ac_common.compiled import Array, compiler
 from ac_plant_node.compiled_sources import COMPILED_SOURCES
 
-__all__ = ["SOURCES", "Array", "jit", "jit_into_callers"]
+__all__ = ["SOURCES", "Array", "jit"]
 
 _MODULES = ("model", "transition", "memory", "products", "step", "jumps", "filter", "quiet")
 SOURCES = (*COMPILED_SOURCES, *(f"fdi_node.envelope.{name}" for name in _MODULES))
@@ -17,10 +17,4 @@ _compile = compiler(*SOURCES)
 def jit[F: Callable[..., Any]](function: F) -> F:
     """Compile a function on its first call (see `ac_common.compiled`)."""
     compiled: F = _compile(function)
-    return compiled
-
-
-def jit_into_callers[F: Callable[..., Any]](function: F) -> F:
-    """Compile a function as a part of each that calls it (see `ac_common.compiled`): the plant is in it, whole."""
-    compiled: F = _compile(function, into_callers=True)
     return compiled

@@ -24,7 +24,7 @@ from ac_plant_node.dynamics.exponential import MAX_PHI_ERROR
 from ac_plant_node.dynamics.workspace import Work, views
 from ac_plant_node.properties.tables import Tables
 from fdi_node.envelope import jumps
-from fdi_node.envelope.compiled import Array, jit, jit_into_callers
+from fdi_node.envelope.compiled import Array, jit
 from fdi_node.envelope.memory import (
     AGE,
     DOUBT,
@@ -253,7 +253,7 @@ def observe(flat: Array, packed: Array, reading: Array, told: Array, tab: Tables
     take(m, views(m.work), rules, reading, told, tab)
 
 
-@jit_into_callers
+@jit
 def take(m: Memory, k: Work, rules: Rules, reading: Array, told: Array, tab: Tables) -> None:
     """Do as `observe`, on the parts of both arrays; `k`: those of the memory's `work`."""
     _renew_when_due(m, k, rules, told, tab)
@@ -276,7 +276,7 @@ def predict(flat: Array, packed: Array, told: Array, tab: Tables) -> int:
     return status
 
 
-@jit_into_callers
+@jit
 def go_on_to_next(m: Memory, k: Work, rules: Rules, told: Array, tab: Tables) -> int:
     """Do as `predict`, on the parts of both arrays; `k`: those of the memory's `work`."""
     h = rules.constants[0]
