@@ -8,6 +8,8 @@ from ac_common.faults import ISOLABLE_KINDS, UNKNOWN
 _THRESHOLDS = tuple(f"threshold/{kind}" for kind in ISOLABLE_KINDS)
 #: What a fault can be isolated as.
 _NAMES = frozenset((*ISOLABLE_KINDS, UNKNOWN))
+#: How it is told of a fault that its name is unsure, that it no longer is, and that it was to the end.
+NOT_SURE, SURE, NEVER_SURE = "not yet sure, not acted on", "is sure", "never sure, not acted on"
 
 
 class StatusRow(NamedTuple):
@@ -41,7 +43,7 @@ def status_text(row: StatusRow) -> str:
     """Return the decision in words, for people who look at the topic."""
     if row.isolated is not None:
         named = f"{row.isolated}, {row.also_isolated}" if row.also_isolated else row.isolated
-        return f"fault isolated: {named}" + (f"; not acted on yet, unsure: {row.unsure}" if row.unsure else "")
+        return f"fault isolated: {named}" + (f"; {NOT_SURE}: {row.unsure}" if row.unsure else "")
     return "fault detected, not yet isolated" if row.detected else "no fault"
 
 

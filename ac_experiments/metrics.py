@@ -17,7 +17,7 @@ from ac_common.fdi_status import StatusRow
 from ac_common.files import write_whole
 from ac_common.topics import schedule_of, truth_of
 from ac_common.units import KPA, RPM
-from ac_experiments.decisions import Spell, spells_of, with_lengths
+from ac_experiments.decisions import Spell, spells_of, sure_from, with_lengths
 from ac_experiments.energy import car_figures, energies_j
 from ac_experiments.recording import Recording
 
@@ -55,19 +55,19 @@ def summarise(recording: Recording) -> dict[str, Any]:
 
         ``faults``: a list in order of onset, each with ``kind``, ``onset_s``, ``end_s`` (None: it stayed), ``size``,
         ``unit`` (of `size`: rpm, kPa, K), ``stuck`` (True of a reading that stood still: `size` is the most that it was
-        off by), ``detected_s`` (first detection after the onset), ``isolated_s``,
-        ``isolated_as`` (the first fault named after the onset, or "unknown"), ``estimate`` (the detector's size of that
-        fault in its unit, averaged over the last 20 s of its isolation); and, until the next fault, of the *actual* p_e
-        minus its reference: ``peak_pressure_error_kpa``, the largest magnitude, and ``settled_s``, from when on it
-        stays within ``settled_within_kpa`` (the onset itself when it never leaves that; None when it does not come
-        back): `SETTLED_KPA` and, with noise, `SETTLED_DEVIATIONS` of the 20 s before the fault.
+        off by), ``detected_s`` (first detection after the onset), ``isolated_s``, ``isolated_as`` (the first fault
+        named after the onset, or "unknown"), ``sure_s`` (from when on that name was sure, and so to be acted on; None:
+        never), ``estimate`` (the detector's size in its unit, averaged over the last 20 s of its isolation); and, until
+        the next fault, of the *actual* p_e minus its reference: ``peak_pressure_error_kpa``, the largest magnitude, and
+        ``settled_s``, from when on it stays within ``settled_within_kpa`` (the onset itself when it never leaves that;
+        None when it does not come back): `SETTLED_KPA` and, with noise, `SETTLED_DEVIATIONS` of the 20 s before.
 
         ``false_alarms``: detections that begin while no fault is present nor was within the last 60 s, plus isolations
         that name a fault that is not there although another one is ("unknown" is right for one that no filter is for).
         ``false_alarm_list``: each of them with ``time_s``, ``kind`` (what was named, None: nothing) and ``length_s``
         (None: to the end).
 
-        ``detections``, ``isolations``: all of them, right and wrong, likewise.
+        ``detections``, ``isolations``: all of them, right and wrong, likewise. What was named has ``sure_s``, too.
 
         ``restarts``: of nodes that had died, each with ``node``, ``died_s``, ``back_s`` (None: not within the run),
         ``reason``. ``events``: what nodes announced (a missing input, a protection that acts, and the end of it), each
@@ -195,8 +195,8 @@ def _size_of(recording: Recording, key: str) -> NDArray[np.float64]:
 
 def fault_summaries(recording: Recording) -> list[dict[str, Any]]:
     """List what came of each fault: the entry ``faults`` of `summarise`."""
-    faults = injected_faults(recording)
-    return [_fault_summary(recording, faults, number) for number in range(len(faults))]
+    faults, spells = injected_faults(recording), spells_of(recording.status)
+    return [_fault_summary(recording, faults, number, spells) for number in range(len(faults))]
 
 
 def false_alarms(faults: Sequence[InjectedFault], spells: Sequence[Spell]) -> list[Spell]:
@@ -215,15 +215,23 @@ def false_alarms(faults: Sequence[InjectedFault], spells: Sequence[Spell]) -> li
     named = [spell for spell in spells if spell.kind is not None]
     alarms, wrong = [], [spell for spell in spells if spell.kind is None and not present(spell.start_s)]
     for detection in wrong:
-        first = next((spell.kind for spell in named if detection.holds_at(spell.start_s)), None)
-        alarms.append(replace(detection, kind=first))
+        first = next((spell for spell in named if detection.holds_at(spell.start_s)), detection)
+        alarms.append(replace(detection, kind=first.kind, sure_s=first.sure_s))
     apart = [spell for spell in named if not any(detection.holds_at(spell.start_s) for detection in wrong)]
     alarms += [spell for spell in apart if not present(spell.start_s, spell.kind)]
     return sorted(alarms, key=lambda spell: spell.start_s)
 
 
 def _told(spells: Sequence[Spell]) -> list[dict[str, Any]]:
-    return [{"time_s": spell.start_s, "kind": spell.kind, "length_s": _number(spell.length_s)} for spell in spells]
+    return [
+        {
+            "time_s": spell.start_s,
+            "kind": spell.kind,
+            "length_s": _number(spell.length_s),
+            **({} if spell.kind is None else {"sure_s": _number(spell.sure_s)}),
+        }
+        for spell in spells
+    ]
 
 
 def _scheduled(recording: Recording, kind: str, truth: NDArray[np.float64]) -> list[InjectedFault]:
@@ -267,7 +275,9 @@ def _episodes(time_s: NDArray[np.float64], holds: NDArray[np.bool_]) -> list[tup
     return ranges
 
 
-def _fault_summary(recording: Recording, faults: list[InjectedFault], number: int) -> dict[str, Any]:
+def _fault_summary(
+    recording: Recording, faults: list[InjectedFault], number: int, spells: Sequence[Spell]
+) -> dict[str, Any]:
     """Return one entry of ``faults``: what was injected, and what the detector made of it before the next one."""
     fault = faults[number]
     until_s = faults[number + 1].onset_s if number + 1 < len(faults) else math.inf
@@ -291,6 +301,7 @@ def _fault_summary(recording: Recording, faults: list[InjectedFault], number: in
         "detected_s": detection.time_s if detection else None,
         "isolated_s": isolation.time_s if isolation else None,
         "isolated_as": isolation.isolated if isolation else None,
+        "sure_s": _number(sure_from(spells, isolation.isolated, isolation.time_s)) if isolation else None,
         "estimate": _estimate(rows, isolation),
         "peak_pressure_error_kpa": peak_kpa,
         "settled_s": settled_s,

@@ -20,6 +20,8 @@ from ac_experiments.recording import Recording
 #: A column: numbers, or texts.
 Column = NDArray[np.float64] | list[str]
 
+#: What is told of names: fields of `StatusRow`.
+_NAMED = ("isolated", "also_isolated", "unsure")
 #: How a unit is written at the end of a name.
 _SUFFIX = {"0..1": "share", "0 or 1": "flag", "°C": "degc"}
 
@@ -43,8 +45,8 @@ def table_of(recording: Recording) -> dict[str, Column]:
     """Return a recording as columns by name, all of the same length; SI, temperatures of air and wall in degC.
 
     First ``time_s``, then the signals in the order of the topics, then what ``fdi/status`` said: ``fdi_detected_flag``,
-    ``fdi_isolated`` and ``fdi_also_isolated`` (texts, empty while no fault is named), the size of the isolated fault
-    in a column of its kind, and the thresholds. What was not recorded is nan.
+    ``fdi_isolated``, ``fdi_also_isolated`` and ``fdi_unsure`` (texts, empty while there is no such fault), the size of
+    the isolated fault in a column of its kind, and the thresholds. What was not recorded is nan.
     """
     table: dict[str, Column] = {"time_s": recording.time_s}
     table |= {column_of(key): values for key, values in recording.series.items()}
@@ -63,8 +65,7 @@ def _decisions(recording: Recording) -> dict[str, Column]:
 
     found: dict[str, Column] = {
         "fdi_detected_flag": numbers(lambda row: float(row.detected)),
-        "fdi_isolated": ["" if row is None else row.isolated or "" for row in rows],
-        "fdi_also_isolated": ["" if row is None else row.also_isolated or "" for row in rows],
+        **{f"fdi_{name}": ["" if row is None else getattr(row, name) or "" for row in rows] for name in _NAMED},
     }
     for place, fault in enumerate(ISOLABLE):
         found[_named(f"fdi/size/{fault.kind}", fault.si_unit)] = numbers(

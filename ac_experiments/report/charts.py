@@ -74,12 +74,14 @@ class Mark:
 
 @dataclass(frozen=True)
 class Span:
-    """A time that is shaded in a plot, as long as something was so."""
+    """A time that is shaded in a plot, as long as something was so; `height`: up to this part of the plot."""
 
     start: float
     stop: float
     name: str
     colour: str
+    height: float = 1.0
+    opacity: float = SHADE
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ac_common.faults import BY_KIND, called
 from ac_common.files import write_whole
+from ac_experiments.decisions import told_sure
 from ac_experiments.metrics import summarise
 from ac_experiments.recording import Recording
 from ac_experiments.report.charts import (
@@ -163,7 +164,7 @@ def _faults(runs: Sequence[Run]) -> list[Part]:
             f"{BY_KIND[fault['kind']].name}, {cell(fault['size'], 'g')} {fault['unit']}",
             f"{fault['onset_s']:g}",
             _after(fault, "detected_s"),
-            _after(fault, "isolated_s"),
+            _after(fault, "isolated_s") + told_sure(fault, fault["isolated_s"], fault["onset_s"], ", sure {:.1f}"),
             "–" if fault["isolated_as"] is None else called(fault["isolated_as"]),
             cell(fault["peak_pressure_error_kpa"], ".2f"),
             "stayed" if fault["settled_s"] == fault["onset_s"] else _after(fault, "settled_s"),

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ac_common.files import write_whole
-from ac_experiments.report.charts import GREY, SHADE, Chart, Curve, Mark, Points, Span
+from ac_experiments.report.charts import GREY, Chart, Curve, Mark, Points, Span
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -134,7 +134,8 @@ def _chart(axes: "Axes", chart: Chart, is_narrow: bool) -> None:
     if "y" in chart.log:
         axes.set_yscale("log")
     for span in chart.spans:
-        axes.axvspan(span.start, span.stop, color=span.colour, alpha=SHADE, linewidth=0, zorder=1.0)
+        look: dict[str, Any] = {"color": span.colour, "alpha": span.opacity, "linewidth": 0, "zorder": 1.0}
+        axes.axvspan(span.start, span.stop, 0.0, span.height, **look)
     for mark in chart.marks:
         axes.axvline(mark.at, color=mark.colour, linestyle=_DASHES[mark.dash], linewidth=0.9, zorder=1.5)
     for curve in chart.curves:
@@ -208,7 +209,9 @@ def _explain(drawn: "Figure", spans: Sequence[Span], marks: Sequence[Mark], left
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    handles: list[Any] = [Patch(facecolor=span.colour, alpha=2 * SHADE, label=mathtext(span.name)) for span in spans]
+    handles: list[Any] = [
+        Patch(facecolor=span.colour, alpha=min(2 * span.opacity, 1.0), label=mathtext(span.name)) for span in spans
+    ]
     handles += [
         Line2D([], [], color=mark.colour, linestyle=_DASHES[mark.dash], linewidth=1.1, label=mathtext(mark.name))
         for mark in marks

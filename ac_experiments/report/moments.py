@@ -2,9 +2,12 @@
 
 import math
 import re
+from dataclasses import replace
 
 from ac_common.design_file import ENVELOPE, PAPER
 from ac_common.faults import BY_KIND, UNKNOWN
+from ac_common.fdi_status import NOT_SURE, SURE
+from ac_experiments.decisions import spells_of
 from ac_experiments.metrics import fault_summaries, injected_faults
 from ac_experiments.recording import Recording
 from ac_experiments.report.charts import BLACK, GREEN, GREY, ORANGE, PURPLE, Mark, Span
@@ -14,6 +17,9 @@ BEFORE_S, AFTER_S = 20.0, 100.0
 ONSET, DETECTED, ISOLATED, ENDED = "fault begins", "detected", "isolated", "fault ends"
 SETTLED = "p<sub>e</sub> back at its reference"
 FAULTY = "a fault is there"
+UNSURE = "isolated, not yet sure"
+#: The strip along the bottom of a plot that says so: part of the plot's height, opacity.
+STRIP, STRIP_SHADE = 0.07, 0.8
 #: A time with a fault is shaded over at least this part of a plot.
 LEAST_SHADE = 0.006
 #: Of `paper`, which filter takes over from the guard when a fault is isolated; of `envelope`, what is corrected.
@@ -34,30 +40,40 @@ def around(fault_onset_s: float) -> tuple[float, float]:
 
 
 def spans_of(recording: Recording, start_s: float, stop_s: float) -> list[Span]:
-    """Return the times with a fault, between two times; none is narrower than what can be seen."""
+    """Return the times with a fault, or with an unsure name, between two times; all can be seen, short ones too."""
+    spans = [Span(fault.onset_s, fault.end_s, FAULTY, ORANGE) for fault in injected_faults(recording)]
+    for spell in spells_of(recording.status):
+        if spell.was_unsure:
+            end_s = spell.end_s if math.isnan(spell.sure_s) else spell.sure_s
+            spans.append(Span(spell.start_s, end_s, UNSURE, PURPLE, STRIP, STRIP_SHADE))
     least_s = LEAST_SHADE * (stop_s - start_s)
     found = []
-    for fault in injected_faults(recording):
-        begin_s, end_s = max(fault.onset_s, start_s), min(stop_s if math.isnan(fault.end_s) else fault.end_s, stop_s)
+    for span in spans:
+        begin_s, end_s = max(span.start, start_s), min(stop_s if math.isnan(span.stop) else span.stop, stop_s)
         if begin_s < end_s:
-            found.append(Span(begin_s, min(max(end_s, begin_s + least_s), stop_s), FAULTY, ORANGE))
+            found.append(replace(span, start=begin_s, stop=min(max(end_s, begin_s + least_s), stop_s)))
     return found
 
 
 def acting(recording: Recording, kind: str, time_s: float) -> str:
-    """Return what acts once a fault is isolated, in words; empty where K0 is alone."""
+    """Return what acts on a fault that is isolated at a time, in words; empty where K0 is alone."""
+    said = next(row for row in recording.status if row.time_s == time_s)
+    if kind not in said.acted_on:
+        return NOT_SURE
     if recording.metadata["passive"]:
         return ""
     if kind == UNKNOWN:
         return "q fades out"
     if recording.metadata["scenario"].get("design", PAPER) == ENVELOPE:
         return f"its estimate is taken off {ACTED[kind]}"
-    both = any(row.also_isolated for row in recording.status if row.time_s == time_s)
-    return "Q_both acts" if both else f"{Q_OF[kind]} takes over"
+    return "Q_both acts" if said.also_isolated else f"{Q_OF[kind]} takes over"
 
 
 def marks_of(recording: Recording) -> list[Mark]:
-    """Return the instants that every plot marks: onset, end, detection, isolation, and when p_e is back."""
+    """Return the instants that every plot marks: onset, end, detection, isolation, and when p_e is back.
+
+    A name that is not sure at once is marked when it is; until then `spans_of` shows it.
+    """
     marks = []
     for fault in fault_summaries(recording):
         marks.append(Mark(fault["onset_s"], ONSET, BLACK, "dash"))
@@ -67,9 +83,14 @@ def marks_of(recording: Recording) -> list[Mark]:
             marks.append(Mark(fault["settled_s"], SETTLED, GREEN, "dashdot"))
     detections, isolations = instants(recording)
     marks += [Mark(at, DETECTED, PURPLE, "dot") for at in detections]
-    for at, kind in isolations:
+    named = [(at, kind, ISOLATED) for at, kind in isolations]
+    later = (spell for spell in spells_of(recording.status) if spell.sure_s > spell.start_s)
+    named += [(spell.sure_s, str(spell.kind), SURE) for spell in later]
+    for at, kind, what in named:
         symbol = kind if kind == UNKNOWN else BY_KIND[kind].symbol
-        words = ": ".join(part for part in (f"{symbol} {ISOLATED}", acting(recording, kind, at)) if part)
+        if (acts := acting(recording, kind, at)) == NOT_SURE:
+            continue
+        words = ": ".join(part for part in (f"{symbol} {what}", acts) if part)
         marks.append(Mark(at, _INDEX.sub(r"<sub>\1</sub>", words), GREEN, "solid"))
     order = {ONSET: 0, DETECTED: 1, SETTLED: 3, ENDED: 4}
     return sorted(marks, key=lambda mark: (order.get(mark.name, 2), mark.at))

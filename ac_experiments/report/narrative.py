@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ac_common.faults import BY_KIND, UNKNOWN, called
+from ac_experiments.decisions import told_sure
 from ac_experiments.report.nodes import Event
 
 GOOD, BAD, PLAIN = "good", "bad", "plain"
@@ -76,12 +77,13 @@ def _diagnosis(fault: Mapping[str, Any]) -> Sentence:
     if named is None:
         return Sentence(BAD, f"{seen}, but not isolated.")
     after = fault["isolated_s"] - fault["onset_s"]
+    sure = told_sure(fault, fault["isolated_s"], fault["onset_s"], ", sure after {:.1f} s")
     if named == UNKNOWN and not BY_KIND[fault["kind"]].has_filter:
         return Sentence(GOOD, f"{seen}, isolated as {called(named)} after {after:.1f} s: no filter is for it.")
     if named != fault["kind"]:
-        return Sentence(BAD, f"{seen}, but isolated wrongly, after {after:.1f} s, as {called(named)}.")
+        return Sentence(BAD, f"{seen}, but isolated wrongly, after {after:.1f} s, as {called(named)}{sure}.")
     size = "" if fault["estimate"] is None else f"; its size was estimated as {fault['estimate']:.1f} {fault['unit']}"
-    return Sentence(GOOD, f"{seen}, isolated as {called(named)} after {after:.1f} s{size}.")
+    return Sentence(GOOD, f"{seen}, isolated as {called(named)} after {after:.1f} s{sure}{size}.")
 
 
 def _effect(fault: Mapping[str, Any], passive: bool, beside: Mapping[str, Any] | None) -> Sentence:
@@ -111,7 +113,7 @@ def _alarms(alarms: Sequence[Mapping[str, Any]]) -> str:
     for alarm in alarms[:MOST_ALARMS]:
         what = "a fault was detected" if alarm["kind"] is None else f"{called(alarm['kind'])} was named"
         until = "to the end" if alarm["length_s"] is None else f"for {alarm['length_s']:.1f} s"
-        each.append(f"at {alarm['time_s']:.1f} s {what}, {until}")
+        each.append(f"at {alarm['time_s']:.1f} s {what}, {until}{told_sure(alarm)}")
     more = f"; and {len(alarms) - MOST_ALARMS} more" if len(alarms) > MOST_ALARMS else ""
     return f"{len(alarms)} false alarm{'s' if len(alarms) > 1 else ''}: {'; '.join(each)}{more}."
 

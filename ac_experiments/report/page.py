@@ -9,10 +9,12 @@ from typing import Any
 from markupsafe import Markup
 
 from ac_common.faults import BY_KIND, UNKNOWN, called
+from ac_common.fdi_status import SURE
 from ac_common.files import write_whole
 from ac_common.health import health_of
 from ac_common.topics import BRINGUP, FDI
 from ac_common.yaml_file import yaml_text
+from ac_experiments.decisions import told_sure
 from ac_experiments.metrics import SETTLED_DEVIATIONS, SETTLED_KPA, WINDOW_S, summarise
 from ac_experiments.recording import Recording
 from ac_experiments.report.embedded import Plots
@@ -142,7 +144,7 @@ def _faults_table(summary: Mapping[str, Any]) -> list[Part]:
                 f"{cell(fault['size'], 'g')} {fault['unit']}",
                 _span(fault),
                 cell(fault["detected_s"], ".1f"),
-                cell(fault["isolated_s"], ".1f"),
+                cell(fault["isolated_s"], ".1f") + told_sure(fault, fault["isolated_s"], 0.0, ", sure {:.1f}"),
                 "–" if isolated is None else _name(isolated),
                 "–" if isolated is None else f"{cell(fault['estimate'], '.2f')} {_unit(isolated)}".rstrip(),
                 cell(fault["peak_pressure_error_kpa"], ".2f"),
@@ -156,6 +158,8 @@ def _faults_table(summary: Mapping[str, Any]) -> list[Part]:
         f"p<sub>e</sub> stays within {SETTLED_KPA:g} kPa of its reference (with noise: and {SETTLED_DEVIATIONS:g} "
         f"standard deviations of the {WINDOW_S:g} s before the fault)."
     )
+    if any(fault["sure_s"] != fault["isolated_s"] for fault in summary["faults"]):
+        note += " “Sure”: until then the name might yet be the other fault's, and nothing is done about it."
     return [Table(heads, rows), Words(note, "note")]
 
 
@@ -280,6 +284,10 @@ def _with_decisions(
         replace(event, length_s=_or_nan(lasting.get((event.node, event.what, round(event.time_s, 3)))))
         for event in events or ()
     ]
+    for named in summary["isolations"]:
+        if named["sure_s"] not in (None, named["time_s"]):
+            acts = acting(recording, named["kind"], named["sure_s"])
+            told.append(Event(named["sure_s"], FDI, ": ".join(filter(None, (f"{called(named['kind'])} {SURE}", acts)))))
     alarms = {alarm["time_s"]: alarm["kind"] for alarm in summary["false_alarm_list"]}
     for spell in (*summary["detections"], *summary["isolations"]):
         kind = spell["kind"]

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ac_experiments.report.charts import BLACK, GREY, SHADE, Chart, Curve, Points
+from ac_experiments.report.charts import BLACK, GREY, Chart, Curve, Points
 
 _FONT = '"DejaVu Sans", system-ui, sans-serif'
 
@@ -91,8 +91,8 @@ def figure(charts: Sequence[Chart], columns: int = 2, sizes: Sizes = WIDE) -> di
         traces += [_line(curve, axis, 30 - rank) for rank, curve in enumerate(chart.curves)]  # the one on top first
         traces += [_markers(points, axis) for points in chart.points]
         for span in chart.spans:
-            look = {"type": "rect", "fillcolor": span.colour, "opacity": SHADE, "line": {"width": 0}}
-            shapes.append(_upright(axis, span.start, span.stop) | look)
+            look = {"type": "rect", "fillcolor": span.colour, "opacity": span.opacity, "line": {"width": 0}}
+            shapes.append(_upright(axis, span.start, span.stop) | look | {"y1": span.height})
         for mark in chart.marks:
             line = {"color": mark.colour, "dash": mark.dash, "width": 1.2}
             shapes.append(_upright(axis, mark.at, mark.at) | {"type": "line", "line": line})
@@ -225,7 +225,7 @@ def _explained_marks(charts: Sequence[Chart], number: int) -> list[dict[str, Any
     spans = {span.name: span for chart in charts for span in chart.spans}
     marks = {mark.name: mark for chart in charts for mark in chart.marks}
     squares = {
-        name: {"symbol": "square", "size": 12, "color": span.colour, "opacity": 2 * SHADE}
+        name: {"symbol": "square", "size": 12, "color": span.colour, "opacity": min(2 * span.opacity, 1.0)}
         for name, span in spans.items()
     }
     lines = {name: {"color": mark.colour, "dash": mark.dash, "width": 1.6} for name, mark in marks.items()}

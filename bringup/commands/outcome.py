@@ -180,6 +180,8 @@ def _same_programme(recording: "Recording", other: "Recording") -> bool:
 
 
 def _print_summary(summary: dict[str, Any]) -> None:
+    from ac_experiments.decisions import told_sure
+
     rows = [
         ["ticks", f"{summary['ticks']} at {summary['sample_time_s']:g} s, {summary['missed_ticks']} missed"],
         ["speed", _speed(summary)],
@@ -189,6 +191,7 @@ def _print_summary(summary: dict[str, Any]) -> None:
         if fault["isolated_as"] is not None:
             after = fault["isolated_s"] - fault["onset_s"]
             named = f"isolated as {fault['isolated_as']} after {after:.1f} s"
+            named += told_sure(fault, fault["isolated_s"], fault["onset_s"], ", sure after {:.1f} s")
         rows.append([f"{fault['size']:g} {fault['unit']} at {fault['onset_s']:g} s", named])
     rows.append(["false alarms", str(summary["false_alarms"])])
     rows += _few([[f"false alarm at {a['time_s']:.1f} s", _alarm(a)] for a in summary["false_alarm_list"]])
@@ -210,8 +213,9 @@ def _few(rows: list[list[str]]) -> list[list[str]]:
 
 def _alarm(alarm: dict[str, Any]) -> str:
     from ac_common.faults import called
+    from ac_experiments.decisions import told_sure
 
-    return f"{'detected only' if alarm['kind'] is None else called(alarm['kind'])}{_lasting(alarm)}"
+    return f"{'detected only' if alarm['kind'] is None else called(alarm['kind'])}{_lasting(alarm)}{told_sure(alarm)}"
 
 
 def _lasting(spell: dict[str, Any]) -> str:

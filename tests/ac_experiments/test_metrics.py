@@ -122,10 +122,12 @@ def test_each_false_alarm_is_told_with_time_kind_and_length(recording_of: Make):
     summary = summarise(recording)
     assert summary["false_alarms"] == 1
     assert summary["false_alarm_list"] == [
-        {"time_s": 20.0, "kind": "evaporator_pressure", "length_s": pytest.approx(12.0)}
+        {"time_s": 20.0, "kind": "evaporator_pressure", "length_s": pytest.approx(12.0), "sure_s": 25.0}
     ]
     assert summary["detections"] == [{"time_s": 20.0, "kind": None, "length_s": pytest.approx(12.0)}]
-    assert summary["isolations"] == [{"time_s": 25.0, "kind": "evaporator_pressure", "length_s": pytest.approx(5.0)}]
+    assert summary["isolations"] == [
+        {"time_s": 25.0, "kind": "evaporator_pressure", "length_s": pytest.approx(5.0), "sure_s": 25.0}
+    ]
 
 
 def test_a_fault_that_stays_named_beside_a_second_one_is_named_once(recording_of: Make):

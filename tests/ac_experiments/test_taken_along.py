@@ -83,18 +83,19 @@ def test_the_names_of_columns_tell_units_and_fit_every_program() -> None:
 def test_a_table_holds_the_run_to_the_last_bit(form: str, run: Recording, tmp_path: Path) -> None:
     file = tmp_path / f"run.{form}"
     export(run, file, form)
+    texts = ("fdi_isolated", "fdi_also_isolated", "fdi_unsure")
     if form == "csv":
         rows = list(csv.DictReader(file.open()))
         columns = {name: [row[name] for row in rows] for name in rows[0]}
         numbers = {
             name: np.array([float(text or "nan") for text in column])
             for name, column in columns.items()
-            if "isolated" not in name
+            if name not in texts
         }
         isolated = columns["fdi_isolated"]
     elif form == "parquet":
         table = pq.read_table(file)
-        numbers = {name: table[name].to_numpy() for name in table.column_names if "isolated" not in name}
+        numbers = {name: table[name].to_numpy() for name in table.column_names if name not in texts}
         isolated = table["fdi_isolated"].to_pylist()
         assert json.loads(table.schema.metadata[b"acftc_run"])["mode"] == "simulate"
     else:

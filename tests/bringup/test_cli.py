@@ -18,6 +18,7 @@ import pytest
 import bringup.commands
 from bringup.cli import cli
 from tests.said import complaints
+from tests.small_faults import SENSOR, with_small
 
 
 def acftc(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
@@ -135,6 +136,17 @@ def test_a_report_takes_the_place_of_an_earlier_one_once_it_can_be_written(tmp_p
     assert acftc(*run).returncode == 0
     assert (tmp_path / "report.html").stat().st_size > 100_000
     assert not (tmp_path / "report_fault_2.png").exists()
+
+
+def test_the_table_says_when_the_name_of_a_fault_was_sure(tmp_path: Path) -> None:
+    file, out = tmp_path / "small.json", tmp_path / "out"
+    file.write_text(with_small(SENSOR).model_dump_json(exclude_none=True))
+    result = acftc("simulate", str(file), "--no-report", "--out", str(out))
+    assert result.returncode == 0, result.stderr
+    told = r"isolated as evaporator_pressure after \d+\.\d s, sure after \d+\.\d s"
+    assert re.search(told, " ".join(result.stdout.split())), result.stdout
+    again = json.loads(acftc("report", str(out / "bag"), "--json").stdout)
+    assert again["faults"] == json.loads((out / "summary.json").read_text())["faults"]
 
 
 def test_an_unexpected_error_is_one_line_and_the_traceback_is_kept(tmp_path: Path):
