@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from ac_common.faults import BY_KIND, UNKNOWN
-from ac_common.fdi_status import StatusRow
+from ac_common.fdi_status import NOT_SURE, SURE, StatusRow
 from ac_common.health import AS_USUAL
 from ac_common.topics import FDI, INJECTOR
 
@@ -34,7 +34,7 @@ class Events:
 
     _kept: deque[Happening] = field(default_factory=lambda: deque(maxlen=MOST_EVENTS))
     _known: set[Happening] = field(default_factory=set)
-    _status: tuple[bool, frozenset[str]] = (False, frozenset())
+    _status: tuple[bool, frozenset[str], frozenset[str]] = (False, frozenset(), frozenset())
     _faults: frozenset[str] = frozenset()
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
@@ -55,13 +55,18 @@ class Events:
 
     def decided(self, time_ns: int, status: StatusRow) -> None:
         """Take what has changed of the detector's decision."""
-        detected, named = self._status
-        now = frozenset(name for name in (status.isolated, status.also_isolated) if name)
-        self._status = (status.detected, now)
+        detected, named, sure = self._status
+        now, sure_now = (
+            frozenset(filter(None, names)) for names in ((status.isolated, status.also_isolated), status.acted_on)
+        )
+        self._status = (status.detected, now, sure_now)
         if status.detected and not detected:
             self.add(Happening(time_ns, FDI, "fault detected"))
         for kind in sorted(now - named):
-            self.add(Happening(time_ns, FDI, f"{_symbol(kind)} isolated"))
+            doubt = "" if kind in sure_now else f": {NOT_SURE}"
+            self.add(Happening(time_ns, FDI, f"{_symbol(kind)} isolated{doubt}"))
+        for kind in sorted(sure_now & named - sure):
+            self.add(Happening(time_ns, FDI, f"{_symbol(kind)} {SURE}"))
         for kind in sorted(named - now):
             self.add(Happening(time_ns, FDI, f"{_symbol(kind)} no longer isolated"))
         if detected and not status.detected:

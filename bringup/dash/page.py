@@ -63,8 +63,7 @@ _TEXT = """
 :host { font-family: system-ui, sans-serif; font-size: 14px; color: #1a1a1a; }
 .bk-clearfix { display: block; width: 100%; }
 .lamps { display: flex; flex-wrap: wrap; gap: 6px; }
-.lamp { border: 1.5px solid #767676; border-radius: 999px; padding: 3px 12px 3px 9px; background: #fff;
-        white-space: nowrap; }
+.lamp { border: 1.5px solid #767676; border-radius: 999px; padding: 3px 12px 3px 9px; background: #fff; }
 .lamp::before { content: "\\25CB"; margin-right: 6px; }
 .lamp.on { color: #000; font-weight: 600; border-color: #000; }
 .lamp.on::before { content: "\\25CF"; }
@@ -295,10 +294,15 @@ def lamps(view: View, problem: str) -> str:
         words = f"{fault.symbol} {fault.name}"
         if status is not None and status.isolated == fault.kind:
             words += f": {in_unit(fault.kind, status.size):+.1f} {fault.unit}"
-        parts.append(Lamp(f"isolated_{fault.symbol}", fault.kind in isolated, "bad", words))
+        is_unsure = status is not None and status.unsure == fault.kind
+        words += ", not yet sure" if is_unsure else ""
+        parts.append(Lamp(f"isolated_{fault.symbol}", fault.kind in isolated, "warn" if is_unsure else "bad", words))
     parts.append(Lamp("isolated_unknown", UNKNOWN in isolated, "bad", "another fault"))
+    waits = bool(isolated - {None}) and status is not None and not any(status.acted_on)
     words = "accommodation on" if view.accommodate else "accommodation off"
-    parts.append(Lamp("accommodating", view.accommodate, "good", words))
+    if view.accommodate and waits:
+        words = "accommodation waits: K0 alone"
+    parts.append(Lamp("accommodating", view.accommodate, "wait" if waits else "good", words))
     return str(_FRAGMENTS.lamps(parts))
 
 

@@ -1,7 +1,9 @@
 """The page's list of events: each once, in order of time, with one mark where several come together."""
 
-from ac_common.fdi_status import StatusRow
+from ac_common.fdi_status import NOT_SURE, StatusRow
+from ac_experiments.metrics import summarise
 from bringup.dash.events import MOST_EVENTS, Events, Happening, marks
+from tests.small_faults import sure_later
 
 SECOND_NS = 10**9
 
@@ -26,6 +28,18 @@ def test_what_fdi_decides_is_told_when_it_changes() -> None:
         (5.0, "no fault detected any more"),
     ]
     assert marks(events.since(10 * SECOND_NS)) == [1.0, 2.0, 4.0, 5.0]
+
+
+def test_a_name_that_is_not_sure_is_told_as_such_and_when_it_is() -> None:
+    events, run = Events(), sure_later()
+    for row in run.status:
+        events.decided(round(row.time_s * 1e9), row)
+    (fault,) = summarise(run)["faults"]
+    assert [(time_s, one.what) for time_s, one in events.since(0)] == [
+        (fault["detected_s"], "fault detected"),
+        (fault["isolated_s"], f"f_p isolated: {NOT_SURE}"),
+        (fault["sure_s"], "f_p is sure"),
+    ]
 
 
 def test_what_a_node_announces_again_and_again_is_told_once() -> None:
