@@ -47,7 +47,7 @@ def parts() -> Iterator[tuple[Any, tuple[Any, ...]]]:
     """Give the functions that come first, each with arguments of the types that it is compiled for."""
     size = np.zeros(1)
     noise, readings, parameters = np.zeros(N_STATES + 1), np.zeros(N_READINGS), np.zeros(N_PARAMETERS)
-    empty = Rules(np.zeros((1, 5)), noise, readings, size, size, size, parameters, size)
+    empty = Rules(np.zeros((1, 5)), noise, readings, size, size, size, size, parameters, size)
     flat, design = new_memory(1, 1), packed(empty)
     m, rules = memory_of(flat, 1, 1), rules_in(design)
     k = views(m.work)

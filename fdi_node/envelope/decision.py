@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from ac_common.faults import UNKNOWN
 from fdi_node.envelope import filter as kalman
 from fdi_node.envelope import jumps
-from fdi_node.envelope.explanations import COMPRESSOR, PRESSURE, Explanations
+from fdi_node.envelope.explanations import COMPRESSOR, PRESSURE, Explanations, Leader
 from fdi_node.envelope.isolation import NOT, Isolated, Isolation
 from fdi_node.envelope.limits import Limits
 from fdi_node.envelope.memory import JUMPED, LARGEST, LEFT, N_ONSETS, NIS, TICKS, memory_of, rules_in
@@ -198,64 +198,79 @@ class EnvelopeDecision:
             since.unlikely()
             self._add(PRESSURE, self._unknowns[PRESSURE].reported, time_s - self._h, time_s, True)
             return
-        here = float(self._memory.scalars[LARGEST])
-        if here < limits.natural:
+        if float(self._memory.scalars[LARGEST]) < limits.natural:
             since.unlikely()
             return
         known = [one.unknown for one in self.isolated]
-        is_unsure = any(one.unknown >= 0 and not one.is_abrupt for one in self.isolated)
+        is_slow = any(one.unknown >= 0 and not one.is_abrupt for one in self.isolated)
         ratios = self._memory.ratios.tolist()
-        if is_unsure and not self._stands_out(ratios):
+        leader = self._leader(ratios)
+        if is_slow and not leader.has_jumped:
             self._explanations.weigh(ratios, known, limits.second)
+            leader = self._leader(ratios)
         flow = self._explanations.air_flow_that_jumped(self._memory, self._rules, ratios, limits, not self.isolated)
         if flow is not None:
             self._accept(flow, time_s)
-            return
-        top, best, lead = self._explanations.ahead(ratios, limits)
-        unknown, grows = self._explanations.positions[top], bool(self._rules.growing[top])
-        reported = self._explanations.reported[top]
-        is_open, at_once = self.isolation.is_open, self._stands_out(ratios)
+        elif not self._is_forgotten(leader, time_s):
+            onset_s, ready_s = time_s - leader.age_s, self._ready_s(leader, time_s)
+            if leader.has_jumped or time_s >= ready_s - 1.0e-9:
+                is_new = leader.unknown not in known and leader.reported not in (UNKNOWN, NATURAL)
+                is_slow = is_slow or time_s - since.unknown < limits.after_unknown_s
+                self._conclude_that(leader, is_new and is_slow and not leader.has_jumped, onset_s, time_s)
+            elif time_s - since.certain >= limits.undecided_s:
+                self._add(-1, UNKNOWN, onset_s, time_s)
+
+    def _leader(self, ratios: list[float]) -> Leader:
+        leader = self._explanations.leader(self._memory, self._rules, ratios, self.limits)
+        return leader._replace(has_jumped=False) if self.isolation.is_open else leader
+
+    def _is_forgotten(self, leader: Leader, time_s: float) -> bool:
+        """Return whether nothing has probably jumped, or what seemed to have is refuted; take note of it if not."""
+        limits, since, is_open = self.limits, self.since, self.isolation.is_open
+        here = float(self._memory.scalars[LARGEST])
         likely = limits.likely_open if is_open else limits.likely
-        if not at_once and (here < likely or (reported == UNKNOWN and here < limits.likely_unknown)):
+        is_likely = here >= likely and (leader.reported != UNKNOWN or here >= limits.likely_unknown)
+        if not (leader.has_jumped or is_likely):
             since.unlikely()
-            return
+            return True
         since.most = max(since.most, here)
         fallen = here < since.most - max(limits.likely, limits.refuted * since.most)
         if time_s - since.likely > limits.forget_open_s if is_open else fallen:
             jumps.begin_all(self._memory, self._rules)
             since.unlikely()
-            return
-        if since.likely == NOT:
-            since.likely = time_s
+            return True
+        since.likely = min(since.likely, time_s)
+        return False
+
+    def _ready_s(self, leader: Leader, time_s: float) -> float:
+        """Return when an explanation may be accepted, if it stays ahead; inf if it is not."""
+        limits, since, is_open = self.limits, self.since, self.isolation.is_open
+        here, is_pressure = float(self._memory.scalars[LARGEST]), leader.unknown == PRESSURE
         waited_s = 0.0 if self.isolated or is_open else time_s - since.likely
-        is_doubtful = is_open and unknown == PRESSURE  # parameters that are wrong look like a slow one of the sensor
-        if is_doubtful or not lead > limits.lead(best, waited_s, unknown == PRESSURE):
+        is_doubtful = is_open and is_pressure  # parameters that are wrong look like a slow one of the sensor
+        if is_doubtful or not leader.lead > limits.lead(leader.ratio, waited_s, is_pressure):
             since.ahead = NOT
-        elif unknown != since.leader or since.ahead == NOT:
-            since.leader, since.ahead = unknown, time_s
-        onset_s = time_s - float(self._memory.age[int(self._memory.best[top])]) * self._h
-        is_plain = here > limits.plain and unknown == COMPRESSOR and not grows and lead > limits.lead(best, 0.0, False)
-        hold_s = limits.hold_growing_s if grows else limits.hold_s if is_plain else limits.hold_unsure_s
-        may_be_natural = not is_plain and onset_s >= since.natural - N_ONSETS * self._h
+        elif leader.unknown != since.leader or since.ahead == NOT:
+            since.leader, since.ahead = leader.unknown, time_s
+        is_plain = here > limits.plain and leader.unknown == COMPRESSOR and not leader.grows
+        is_plain = is_plain and leader.lead > limits.lead(leader.ratio, 0.0, False)
+        hold_s = limits.hold_growing_s if leader.grows else limits.hold_s if is_plain else limits.hold_unsure_s
+        may_be_natural = not is_plain and time_s - leader.age_s >= since.natural - N_ONSETS * self._h
         waits_s = since.natural + limits.after_natural_s if may_be_natural else -NOT
         since.certain = min(since.certain, time_s) if here > limits.certain and time_s >= waits_s else NOT
-        ready_s = max(since.ahead + hold_s, waits_s)
-        if at_once or time_s >= ready_s - 1.0e-9:
-            is_unsure = is_unsure or time_s - since.unknown < limits.after_unknown_s
-            if is_unsure and reported not in (UNKNOWN, NATURAL) and unknown not in known and not at_once:
-                self._add(-1, UNKNOWN, onset_s, time_s)
-                return
-            since.unlikely()
-            if not at_once:
-                self.isolation.doubt(self._explanations, top)
-            if self._accept(top, time_s) != NATURAL:
-                self._add(-1 if self._rules.prior[top] < 0.0 else unknown, reported, onset_s, time_s, at_once)
-        elif time_s - since.certain >= limits.undecided_s:
-            self._add(-1, UNKNOWN, onset_s, time_s)
+        return max(since.ahead + hold_s, waits_s)
 
-    def _stands_out(self, ratios: list[float]) -> bool:
-        explains = self._explanations.is_abrupt(self._memory, self._rules, ratios, self.limits)
-        return explains and not self.isolation.is_open
+    def _conclude_that(self, leader: Leader, has_no_name: bool, onset_s: float, time_s: float) -> None:
+        """Isolate what an explanation says, and move the estimate; without a name, leave it where it is."""
+        if has_no_name:
+            self._add(-1, UNKNOWN, onset_s, time_s)
+            return
+        self.since.unlikely()
+        if not leader.has_jumped:
+            self.isolation.doubt(self._explanations, leader.top)
+        if self._accept(leader.top, time_s) != NATURAL:
+            unknown = -1 if self._rules.prior[leader.top] < 0.0 else leader.unknown
+            self._add(unknown, leader.reported, onset_s, time_s, leader.has_jumped)
 
     def _accept(self, top: int, time_s: float) -> str:
         """Move the estimate as an explanation says, and return what it is reported as."""

@@ -28,6 +28,7 @@ from fdi_node.detector import Detection
 from fdi_node.envelope import filter as kalman
 from fdi_node.envelope.afresh import Afresh
 from fdi_node.envelope.decision import Conclusion, EnvelopeDecision
+from fdi_node.envelope.jumps import LARGEST_JUMP
 from fdi_node.envelope.limits import Limits
 from fdi_node.envelope.memory import (
     NIS,
@@ -142,6 +143,7 @@ def rules_of(design: EnvelopeDesign) -> Rules:
         R=np.where(design.used > 0.5, (design.reading_std / READING_SCALE) ** 2, np.inf),
         jumping=np.array(jumping, dtype=np.float64),
         prior=np.where(sizes > 0.0, 1.0 / np.maximum(sizes, 1.0e-9) ** 2, -1.0),
+        most=np.where(sizes > 0.0, LARGEST_JUMP * sizes, np.inf),
         growing=np.repeat([0.0, 1.0], [len(jumps), len(rates)]),
         nominal=np.ascontiguousarray(design.parameters),
         constants=np.array([design.sample_time_s, round(JACOBIAN_S / design.sample_time_s), design.rate_share]),

@@ -14,6 +14,24 @@ from fdi_node.envelope.unknowns import NATURAL, Unknown
 COMPRESSOR, PRESSURE = range(NAMED)
 
 
+class Leader(NamedTuple):
+    """The likeliest explanation.
+
+    `top`: which; `unknown`: the position of its unknown; `reported`: what it is isolated as; `ratio`, and `lead` over
+    those of other unknowns; `age_s`: how long ago it has begun; `grows`: whether it does; `has_jumped`: whether it is a
+    named fault that has jumped just now, and clearly.
+    """
+
+    top: int
+    unknown: int
+    reported: str
+    ratio: float
+    lead: float
+    age_s: float
+    grows: bool
+    has_jumped: bool
+
+
 class Explanations(NamedTuple):
     """Those that may jump, in the order of their ratios.
 
@@ -31,8 +49,8 @@ class Explanations(NamedTuple):
         valve = int(np.flatnonzero(rules.prior < 0.0)[0])
         return cls(positions, [unknowns[i].reported for i in positions], valve)
 
-    def ahead(self, ratios: list[float], limits: Limits) -> tuple[int, float, float]:
-        """Return which explanation is the likeliest, its ratio, and its lead over those of other unknowns.
+    def leader(self, m: Memory, rules: Rules, ratios: list[float], limits: Limits) -> Leader:
+        """Return the likeliest explanation.
 
         What has no name counts less by `Limits.rarer`, a stuck valve `Limits.stuck` times what it does.
         """
@@ -41,19 +59,16 @@ class Explanations(NamedTuple):
         counted[self.valve] = limits.stuck * ratios[self.valve]
         top = counted.index(max(counted))
         others = (ratio for ratio, at in zip(counted, self.positions, strict=True) if at != self.positions[top])
-        return top, ratios[top], counted[top] - max(others)
+        lead, grows = counted[top] - max(others), bool(rules.growing[top])
+        age_s = float(m.age[int(m.best[top])] * rules.constants[0])
+        is_named = self.reported[top] not in (UNKNOWN, NATURAL)
+        stands_out = lead > max(limits.at_once, limits.at_once_share * ratios[top])
+        has_jumped = is_named and not grows and age_s <= limits.at_once_s and stands_out
+        return Leader(top, self.positions[top], self.reported[top], ratios[top], lead, age_s, grows, has_jumped)
 
     def best_of(self, unknown: int, ratios: list[float]) -> int:
         """Return the explanation by an unknown that has the largest ratio."""
         return max((h for h, at in enumerate(self.positions) if at == unknown), key=ratios.__getitem__)
-
-    def is_abrupt(self, m: Memory, rules: Rules, ratios: list[float], limits: Limits) -> bool:
-        """Return whether what is ahead is a named fault that has jumped just now, and clearly."""
-        top, best, lead = self.ahead(ratios, limits)
-        age_s = float(m.age[int(m.best[top])] * rules.constants[0])
-        is_named = self.reported[top] not in (UNKNOWN, NATURAL)
-        has_jumped = is_named and not rules.growing[top] and age_s <= limits.at_once_s
-        return bool(has_jumped and lead > max(limits.at_once, limits.at_once_share * best))
 
     def air_flow_that_jumped(
         self, m: Memory, rules: Rules, ratios: list[float], limits: Limits, is_first: bool

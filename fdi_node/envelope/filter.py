@@ -210,8 +210,9 @@ def correct(m: Memory, rules: Rules) -> None:
             f /= s
             for i in range(n):
                 m.PC[later, i] -= f * K[i]
+            g = np.float32(f)
             for j in range(G.shape[1]):
-                G[later, j] -= f * G[r, j]
+                G[later, j] -= g * G[r, j]
     subtract(m.PC, gains, m.PC, n, m.P)
     subtract(m.PC, gains, G, n, m.V)
     m.scalars[LEFT] = m.e[0]

@@ -31,6 +31,7 @@ from fdi_node.envelope.memory import (
     TICKS,
     Memory,
     Rules,
+    Single,
 )
 from fdi_node.envelope.model import PLACE, POSITION, READING, READING_SCALE, SCALE
 from fdi_node.envelope.products import multiply, terms
@@ -134,12 +135,14 @@ def told_before(m: Memory, rules: Rules, h: int) -> float:
     if ticks > N_ONSETS:
         return largest
     then = m.past[int(m.scalars[TICKS] - ticks) % N_ONSETS]
-    for at in range(N_WINDOWS * q + N_BEGINNINGS - N_WINDOWS):
-        other = at % q if at < N_WINDOWS * q else _abrupt(at - N_WINDOWS * (q - 1))
-        if other != h:
-            most = _largest(rules, other)
-            ratio = _ratio_of(then[0, at], then[1, at], rules.prior[other], -most, most)
-            largest = max(largest, ratio)
+    for beginning in range(N_BEGINNINGS):
+        for other in range(q):
+            is_looked_for = beginning < N_WINDOWS or other == _abrupt(beginning)
+            if other != h and is_looked_for:
+                at = _column(beginning, other, q)
+                limits = _limits(rules, other, then[2, beginning])
+                ratio = _ratio_of(then[0, at], then[1, at], rules.prior[other], limits)
+                largest = max(largest, ratio)
     return largest
 
 
@@ -173,8 +176,11 @@ def begin_due(m: Memory, rules: Rules, tick: int) -> None:
     if startled and m.age[last] > per_second and m.telling[last] <= SPEAKING:
         begin(m, rules, last)
     _begin_onset(m, rules, tick)
+    now = m.past[tick % N_ONSETS]
     for at in range(m.S.shape[0]):
-        m.past[tick % N_ONSETS, 0, at], m.past[tick % N_ONSETS, 1, at] = m.S[at], m.d[at]
+        now[0, at], now[1, at] = m.S[at], m.d[at]
+    for beginning in range(N_BEGINNINGS):
+        now[2, beginning] = m.seen[beginning]
     for beginning in range(N_BEGINNINGS):
         if m.age[beginning] == 0.0:  # what jumps then shows in this tick
             m.seen[beginning] = m.scalars[OFF]
@@ -182,7 +188,7 @@ def begin_due(m: Memory, rules: Rules, tick: int) -> None:
 
 
 @jit
-def follow(m: Memory, G: Array, e: float, s: float) -> None:
+def follow(m: Memory, G: Single, e: float, s: float) -> None:
     """Take one reading: what jumps do to its innovation (w,), the innovation e, of variance s."""
     per_variance = 1.0 / s
     for j in range(G.shape[0]):
@@ -222,11 +228,9 @@ def judge(m: Memory, rules: Rules) -> None:
         m.ratios[h] = -np.inf
     for window in range(N_WINDOWS):
         m.telling[window] = -np.inf
-    for h in range(q):
-        largest = _largest(rules, h)
-        for window in range(N_WINDOWS):
-            at, (least, most) = window * q + h, _limits(m, rules, window, h, largest)
-            ratio = _ratio_of(m.S[at], m.d[at], rules.prior[h], least, most)
+    for window in range(N_WINDOWS):
+        for h in range(q):
+            ratio = _ratio(m, rules, window, h)
             m.telling[window] = max(m.telling[window], ratio)
             if ratio > m.ratios[h]:
                 m.ratios[h], m.best[h] = ratio, window
@@ -240,46 +244,35 @@ def judge(m: Memory, rules: Rules) -> None:
 
 
 @jit
-def _largest(rules: Rules, h: int) -> float:
-    """Return the largest size of a jump; what has no size, `STUCK`, has no largest."""
-    return float(LARGEST_JUMP / np.sqrt(rules.prior[h])) if rules.prior[h] > 0.0 else np.inf
-
-
-@jit
-def _limits(m: Memory, rules: Rules, beginning: int, h: int, most: float) -> tuple[float, float]:
-    """Return the least and the largest size of the h-th jump since a beginning; one of p_e's reading was seen then."""
-    row = rules.rows[int(rules.jumping[h])]
+def _limits(rules: Rules, h: int, seen: float) -> tuple[float, float]:
+    """Return the least and the largest size of the h-th jump; `seen`: how far the reading of p_e moved in its tick."""
+    row, most = rules.rows[int(rules.jumping[h])], rules.most[h]
     is_pressure = int(row[PLACE]) == READING and int(row[POSITION]) == 0 and rules.growing[h] == 0.0
-    if not is_pressure or m.seen[beginning] == NOT_KNOWN:
+    if not is_pressure or seen == NOT_KNOWN:
         return -most, most
-    seen, unit = m.seen[beginning], READING_SCALE[0] / row[SCALE]
-    apart = UNSEEN * np.sqrt(2.0 * rules.R[0])
+    unit, apart = READING_SCALE[0] / row[SCALE], UNSEEN * np.sqrt(2.0 * rules.R[0])
     return max((seen - apart) * unit, -most), min((seen + apart) * unit, most)
 
 
 @jit
-def _size(m: Memory, rules: Rules, beginning: int, h: int) -> float:
-    """Return the size of the h-th jump since a beginning."""
-    at = _column(beginning, h, rules.jumping.shape[0])
-    least, most = _limits(m, rules, beginning, h, _largest(rules, h))
-    return float(min(max(m.d[at] / (m.S[at] + rules.prior[h]), least), most))
+def _size(S: float, d: float, prior: float, limits: tuple[float, float]) -> float:
+    """Return the likeliest size of a jump."""
+    return float(min(max(d / (S + prior), limits[0]), limits[1]))
 
 
 @jit
-def _ratio_of(S: float, d: float, prior: float, least: float, most: float) -> float:
+def _ratio_of(S: float, d: float, prior: float, limits: tuple[float, float]) -> float:
     if prior < 0.0:
         return 2.0 * d - S
-    total = S + prior
-    size = min(max(d / total, least), most)
-    return size * (2.0 * d - size * total)
+    size = _size(S, d, prior, limits)
+    return size * (2.0 * d - size * (S + prior))
 
 
 @jit
 def _ratio(m: Memory, rules: Rules, beginning: int, h: int) -> float:
     """Return the likelihood ratio of the h-th jump since a beginning."""
     at = _column(beginning, h, rules.jumping.shape[0])
-    least, most = _limits(m, rules, beginning, h, _largest(rules, h))
-    return float(_ratio_of(m.S[at], m.d[at], rules.prior[h], least, most))
+    return float(_ratio_of(m.S[at], m.d[at], rules.prior[h], _limits(rules, h, m.seen[beginning])))
 
 
 @jit
@@ -294,11 +287,12 @@ def accept(m: Memory, rules: Rules, h: int, is_fault: bool, dz: Array) -> None:
     for i in range(n):
         dz[i] = 0.0
     if rules.prior[h] >= 0.0:
-        total, size = m.S[at] + rules.prior[h], _size(m, rules, beginning, h)
+        total = m.S[at] + rules.prior[h]
+        size = _size(m.S[at], m.d[at], rules.prior[h], _limits(rules, h, m.seen[beginning]))
         for i in range(n):
             dz[i] = m.V[i, at] * size
             for j in range(n):
-                m.P[i, j] += m.V[i, at] * m.V[j, at] / total
+                m.P[i, j] += float(m.V[i, at]) * float(m.V[j, at]) / total
         for i in range(n):
             m.P[i, i] += (LINEARISED * dz[i]) ** 2
     if is_fault:

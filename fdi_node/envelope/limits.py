@@ -21,10 +21,11 @@ class Limits:
         faults are rarer, and a small one of the condenser pressure's sensor looks like one of the compressor.
     stuck : float
         A stuck valve counts so many times what it does, because when that began is only known to a window.
-    patience_s, ahead_sensor : float
-        A first fault that is not certain needs less of a lead the longer it has been likely, in proportion to time, and
-        none after the first: who waits on learns little more of which fault it is. One of the pressure's sensor always
-        needs the second: if that is wrong K0 holds another pressure, and a wrong fault of the compressor does no harm.
+    patience_s, patience_certain_s, ahead_sensor : float
+        A first fault needs less of a lead the longer it has been likely, in proportion to time, and none after the
+        first, or the second where it is certain that something is: who waits on learns little more of which fault it
+        is, while the observers that begin with a name do. One of the pressure's sensor always needs the third: if that
+        is wrong K0 holds another pressure, and a wrong fault of the compressor does no harm.
     at_once, at_once_share, at_once_s : float
         A named fault that is ahead by this much, and by this share of its own ratio, and has begun no longer ago than
         the last, is isolated in the same tick, but where the plant's parameters are estimated.
@@ -80,6 +81,7 @@ class Limits:
     rarer: float = 10.0
     stuck: float = 1.1
     patience_s: float = 45.0
+    patience_certain_s: float = 15.0
     ahead_sensor: float = 3.0
     at_once: float = 60.0
     at_once_share: float = 0.15
@@ -115,6 +117,5 @@ class Limits:
     def lead(self, ratio: float, waited_s: float, is_sensor: bool) -> float:
         """Return by how much an explanation with this ratio must be ahead after it has been waited for."""
         needed = max(self.ahead, self.ahead_share * ratio)
-        if ratio > self.certain:
-            return needed
-        return max(self.ahead_sensor if is_sensor else 0.0, (1.0 - waited_s / self.patience_s) * needed)
+        patience_s = self.patience_certain_s if ratio > self.certain else self.patience_s
+        return max(self.ahead_sensor if is_sensor else 0.0, (1.0 - waited_s / patience_s) * needed)

@@ -22,6 +22,7 @@ N_ONSETS = 10
 """Ticks for each of which these jumps are looked for, beside; the likeliest before them is kept."""
 N_BEGINNINGS = N_WINDOWS + len(ABRUPT) * (N_ONSETS + 1)
 N_PARAMETERS = len(NAMES)
+Single = NDArray[np.float32]
 LANES = 8
 """So many numbers are a line of the cache, and the most that a processor takes at a time."""
 
@@ -43,9 +44,10 @@ class Rules(NamedTuple):
 
     `rows` (m, 5): the unknowns; `Q` (n,): intensities of the process noise per second; `R` (4,): variances of the
     readings, inf for one that is not used, both in units of the scales; `jumping` (q,): positions of the unknowns that
-    may jump; `prior` (q,): inverse variances of their sizes, -1 for a valve that is stuck; `growing` (q,): 1 for one
-    that grows, whose size is per second, 0 for one that jumps; `nominal`: the plant's parameters; `constants` (3,):
-    sample time, ticks between two Jacobians, share by which the model's rates may be off.
+    may jump; `prior` (q,): inverse variances of their sizes, -1 for a valve that is stuck; `most` (q,): how large they
+    are at most; `growing` (q,): 1 for one that grows, whose size is per second, 0 for one that jumps; `nominal`: the
+    plant's parameters; `constants` (3,): sample time, ticks between two Jacobians, share by which the model's rates may
+    be off.
     """
 
     rows: Array
@@ -53,6 +55,7 @@ class Rules(NamedTuple):
     R: Array
     jumping: Array
     prior: Array
+    most: Array
     growing: Array
     nominal: Array
     constants: Array
@@ -75,8 +78,11 @@ def rules_in(flat: Array) -> Rules:
     d = c + q
     e = d + q
     f = e + q
-    g = f + N_PARAMETERS
-    return Rules(flat[2:a].reshape(m, 5), flat[a:b], flat[b:c], flat[c:d], flat[d:e], flat[e:f], flat[f:g], flat[g:])
+    g = f + q
+    i = g + N_PARAMETERS
+    return Rules(
+        flat[2:a].reshape(m, 5), flat[a:b], flat[b:c], flat[c:d], flat[d:e], flat[e:f], flat[f:g], flat[g:i], flat[i:]
+    )
 
 
 class Memory(NamedTuple):
@@ -90,11 +96,13 @@ class Memory(NamedTuple):
     (n, w q + 11 a), `S`, `d` (w q + 11 a,): as in `jumps`, of the jumps in w windows, then of each of the a abrupt ones
     from each of the last ticks on, and of the one that is kept; `age`, `seen` (w + 11 a,): ticks of each, and `OFF` in
     its first; `telling`, `opening` (w,): a window's largest ratio, the valve's opening when it began; `ratios`, `best`
-    (q,): of each jump the largest ratio, and which beginning it is of; `past` (10, 2, w q + 11 a): S and d before each
-    of the last ticks.
+    (q,): of each jump the largest ratio, and which beginning it is of; `past` (10, 3, w q + 11 a): S, d and
+    `seen` before each of the last ticks.
 
     The rest is room: `step`, `dz` (n,): steps of the differences, the correction; `gains` (4,), `G` (4, w q + 11 a):
     of the readings; `columns`: as `products.terms`; `FP`, `FPF` (12, .), `FV` (12, w q + 11 a): products.
+
+    `V`, `G` and `FV` are of single precision: what jumps do is known to some per cent at best, for it is linearised.
 
     Each part begins at a multiple of `LANES` numbers, and rows of P, C P, V, S, d and of room are filled up with zeros
     to such a multiple: loops along them take so many numbers at a time, and none is left over.
@@ -118,7 +126,7 @@ class Memory(NamedTuple):
     C: Array
     PC: Array
     turned: Array
-    V: Array
+    V: Single
     S: Array
     d: Array
     age: Array
@@ -131,11 +139,11 @@ class Memory(NamedTuple):
     step: Array
     dz: Array
     gains: Array
-    G: Array
+    G: Single
     columns: Array
     FP: Array
     FPF: Array
-    FV: Array
+    FV: Single
 
 
 _ROOM = Memory._fields.index("step")
@@ -156,10 +164,10 @@ def _layout(m: int, q: int) -> NDArray[np.int64]:
         (line, N_WORK), (line, N_SCALARS), (line, m), (line, N_READINGS), (line, N_STATES), (line, N_STATES),
         (line, N_PARAMETERS), (line, N_HELD), (line, N_READINGS), (line, N_READINGS), (line, N_READINGS),
         (line, N_READINGS), (n, filled), (N_STATES, n), (N_STATES, n), (N_READINGS, n), (N_READINGS, filled),
-        (n, states), (n, wide), (line, wide), (line, wide), (line, N_BEGINNINGS), (line, N_BEGINNINGS),
-        (line, N_WINDOWS), (line, N_WINDOWS), (line, q), (line, q), (N_ONSETS * 2, wide), (line, n), (line, n),
-        (line, N_READINGS), (N_READINGS, wide), (line, filled), (N_STATES, filled), (N_STATES, states),
-        (N_STATES, wide), (line, 0),
+        (n, states), (n, wide // 2), (line, wide), (line, wide), (line, N_BEGINNINGS), (line, N_BEGINNINGS),
+        (line, N_WINDOWS), (line, N_WINDOWS), (line, q), (line, q), (N_ONSETS * 3, wide), (line, n), (line, n),
+        (line, N_READINGS), (N_READINGS, wide // 2), (line, filled), (N_STATES, filled), (N_STATES, states),
+        (N_STATES, wide // 2), (line, 0),
     )  # fmt: skip
     found, at = np.zeros((len(parts), 3), dtype=np.int64), 0
     for i, (rows, length) in enumerate(parts):
@@ -181,6 +189,13 @@ def _matrix(flat: Array, part: NDArray[np.int64]) -> Array:
 
 
 @jit
+def _single(flat: Array, part: NDArray[np.int64]) -> Single:
+    """Return a matrix of single precision: two of its numbers take the place of one."""
+    at, rows, length = part
+    return flat[at : at + rows * length].view(np.float32).reshape(rows, 2 * length)
+
+
+@jit
 def memory_of(flat: Array, m: int, q: int) -> Memory:
     """Return the parts of the array of an observer with m unknowns of which q may jump."""
     at = _layout(m, q)
@@ -188,12 +203,12 @@ def memory_of(flat: Array, m: int, q: int) -> Memory:
         _line(flat, at[0]), _line(flat, at[1]), _line(flat, at[2]), _line(flat, at[3]), _line(flat, at[4]),
         _line(flat, at[5]), _line(flat, at[6]), _line(flat, at[7]), _line(flat, at[8]), _line(flat, at[9]),
         _line(flat, at[10]), _line(flat, at[11]), _matrix(flat, at[12]), _matrix(flat, at[13]), _matrix(flat, at[14]),
-        _matrix(flat, at[15]), _matrix(flat, at[16]), _matrix(flat, at[17]), _matrix(flat, at[18]),
+        _matrix(flat, at[15]), _matrix(flat, at[16]), _matrix(flat, at[17]), _single(flat, at[18]),
         _line(flat, at[19]), _line(flat, at[20]), _line(flat, at[21]), _line(flat, at[22]), _line(flat, at[23]),
         _line(flat, at[24]), _line(flat, at[25]), _line(flat, at[26]),
-        _matrix(flat, at[27]).reshape(N_ONSETS, 2, at[27, 2]), _line(flat, at[28]), _line(flat, at[29]),
-        _line(flat, at[30]), _matrix(flat, at[31]), _line(flat, at[32]), _matrix(flat, at[33]), _matrix(flat, at[34]),
-        _matrix(flat, at[35]),
+        _matrix(flat, at[27]).reshape(N_ONSETS, 3, at[27, 2]), _line(flat, at[28]), _line(flat, at[29]),
+        _line(flat, at[30]), _single(flat, at[31]), _line(flat, at[32]), _matrix(flat, at[33]), _matrix(flat, at[34]),
+        _single(flat, at[35]),
     )  # fmt: skip
 
 

@@ -57,20 +57,20 @@ def test_a_plain_fault_is_isolated_soon_and_a_small_one_later(kind: str) -> None
     assert Story().tell(Limits().hold_unsure_s + 0.2, **{kind: 50.0}) == (True, kind)
 
 
-def test_two_that_explain_it_as_well_are_waited_for_and_then_unknown() -> None:
-    story, both = Story(), {"compressor_speed": 2000.0, "evaporator_pressure": 1995.0}
+def test_what_is_certain_and_not_ahead_enough_is_unknown_in_the_end() -> None:
+    lead = 0.5 * Limits().ahead_sensor
+    story, both = Story(), {"evaporator_pressure": 2000.0, "compressor_speed": 2000.0 - lead}
     assert story.tell(Limits().undecided_s - 0.2, **both) == (True, None)
     assert story.tell(0.5, **both) == (True, "unknown")
 
 
-def test_a_small_fault_needs_less_of_a_lead_the_longer_it_takes_and_one_that_is_certain_does_not() -> None:
-    story, lead = Story(), Limits().ahead / 2.0
-    seen = {"evaporator_pressure": 200.0, "compressor_speed": 200.0 - lead}
-    half = Limits().patience_s / 2.0
-    assert story.tell(half, **seen) == (False, None)
-    assert story.tell(Limits().hold_unsure_s + 0.5, **seen) == (True, "evaporator_pressure")
-    large = {name: ratio + Limits().certain for name, ratio in seen.items()}
-    assert Story().tell(half + Limits().hold_unsure_s + 0.5, **large) == (True, None)
+@pytest.mark.parametrize(("more", "patience_s"), [(0.0, "patience_s"), (1000.0, "patience_certain_s")])
+def test_less_of_a_lead_is_needed_the_longer_it_takes(more: float, patience_s: str) -> None:
+    limits, ratio = Limits(), 200.0 + more
+    lead = 0.5 * max(limits.ahead, limits.ahead_share * ratio)
+    story, seen = Story(), {"evaporator_pressure": ratio, "compressor_speed": ratio - lead}
+    assert story.tell(0.5 * getattr(limits, patience_s), **seen) == (more > 0.0, None)
+    assert story.tell(limits.hold_unsure_s + 0.5, **seen) == (True, "evaporator_pressure")
 
 
 def test_after_a_while_any_lead_is_enough_but_not_for_the_sensor() -> None:

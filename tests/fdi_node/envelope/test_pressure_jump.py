@@ -64,7 +64,7 @@ def test_no_jump_of_it_is_larger_than_what_was_seen(jump_pa: float) -> None:
     m, rules = loop.detector.memory, loop.detector.rules
     (h,) = (i for i, unknown in enumerate(rules.jumping) if unknown == 1 and not rules.growing[i])
     newest = int(np.argmin(np.where(m.age == 1.0, -m.seen * np.sign(jump_pa or 1.0), np.inf)))
-    least, most = (size * rules.rows[1, SCALE] for size in jumps._limits(m, rules, newest, h, np.inf))
+    least, most = (size * rules.rows[1, SCALE] for size in jumps._limits(rules, h, m.seen[newest]))
     assert most - least <= 2.0 * jumps.UNSEEN * np.sqrt(2.0 * rules.R[0]) * READING_SCALE[0] + 1.0
     assert least < jump_pa < most
 
