@@ -1,6 +1,8 @@
 """Faults that are started and stopped while the loop runs: their shapes, and their way through a running graph."""
 
-from pathlib import Path
+import math
+import time
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,12 +16,14 @@ from ac_common.units import RPM
 from ac_experiments.bags.reader import health_reports, read_bag, read_raw
 from ac_experiments.scenario import load
 from bringup.commands.topic_watch import topics_once
-from bringup.launch.launch import run_graph
+from bringup.launch.launch import GraphRun, run_graph
 from bringup.replay.replay import replay
 from fault_injector_node.live import LiveFault, Shape
 from tests.operator import Operator
 
 SAMPLE_TIME_S = 0.1
+#: Of the run that is looked at: as long as the three seconds of the table and three levels of a fault take.
+DURATION_S = 11.0
 
 
 @given(
@@ -57,36 +61,64 @@ def test_unknown_profile_is_refused() -> None:
         LiveFault(0.1).start(Shape("stepp", 1.0))
 
 
-@pytest.mark.ros
-@pytest.mark.clock
-def test_fault_is_started_changed_and_stopped_in_a_running_graph(operator: Operator, tmp_path: Path) -> None:
-    done: list[str] = []
-    acted: list[int] = [0]
+@dataclass
+class Watched:
+    """Somebody who looks at the topics of a run first, and then starts, changes and stops a fault."""
 
-    def interfere(tick: int, _ticks: int) -> None:
-        # A service takes its time, while reports pile up: every level is to last for some ticks.
-        if tick < acted[-1] + 5 or len(done) == 3:
+    operator: Operator
+    done: list[str] = field(default_factory=list)
+    topics: dict[str, dict[str, Any]] = field(default_factory=dict)
+    acted_s: float = -math.inf
+
+    def __call__(self, tick: int, _ticks: int) -> None:
+        # Looking takes its time, while reports pile up: every level is to last for some ticks.
+        if tick == 0 or time.monotonic() < self.acted_s + 0.5 or len(self.done) == 4:
             return
-        acted.append(tick)
-        if not done:
-            refused = operator.set(INJECTOR, compressor_speed__profile="jump", compressor_speed__size_rad_s=1e9)
+        self.act()
+        self.acted_s = time.monotonic()
+
+    def act(self) -> None:
+        """Do what is next."""
+        if not self.done:
+            self.topics |= {row["name"]: row for row in topics_once(3.0)}
+            self.done.append("looked")
+        elif len(self.done) == 1:
+            refused = self.operator.set(INJECTOR, compressor_speed__profile="jump", compressor_speed__size_rad_s=1e9)
             assert not any(result.successful for result in refused)
             assert "allowed: step, ramp" in refused[0].reason
-            assert all(result.successful for result in operator.set(INJECTOR, compressor_speed__size_rad_s=40 * RPM))
-            answer = operator.switch("compressor_speed", on=True)
+            self.resize(40 * RPM)
+            answer = self.operator.switch("compressor_speed", on=True)
             assert answer.success
             assert "step of 4.18879 rad/s" in answer.message
-            done.append("started")
-        elif len(done) == 1:
-            assert all(result.successful for result in operator.set(INJECTOR, compressor_speed__size_rad_s=20 * RPM))
-            done.append("changed")
-        elif len(done) == 2:
-            assert operator.switch("compressor_speed", on=False).success
-            done.append("stopped")
+            self.done.append("started")
+        elif len(self.done) == 2:
+            self.resize(20 * RPM)
+            self.done.append("changed")
+        else:
+            assert self.operator.switch("compressor_speed", on=False).success
+            self.done.append("stopped")
 
+    def resize(self, size: float) -> None:
+        """Give the fault another size, rad/s."""
+        answers = self.operator.set(INJECTOR, compressor_speed__size_rad_s=size)
+        assert all(answer.successful for answer in answers)
+
+
+@pytest.fixture(scope="module")
+def watched(tmp_path_factory: pytest.TempPathFactory) -> tuple[Watched, GraphRun]:
     # On the wall clock: there is time to interfere between two ticks, and the loop must not mind.
-    run = run_graph(load("nominal", ["duration_s=8"]), tmp_path, mode="realtime", care=True, progress=interfere)
-    assert done == ["started", "changed", "stopped"]
+    scenario = load("nominal", [f"duration_s={DURATION_S}"])
+    with Operator() as operator:
+        watched = Watched(operator)
+        run = run_graph(scenario, tmp_path_factory.mktemp("watched"), mode="realtime", care=True, progress=watched)
+    return watched, run
+
+
+@pytest.mark.ros
+@pytest.mark.clock
+def test_fault_is_started_changed_and_stopped_in_a_running_graph(watched: tuple[Watched, GraphRun]) -> None:
+    someone, run = watched
+    assert someone.done == ["looked", "started", "changed", "stopped"]
     recording = read_bag(run.bag)
     truth = recording.series["fault/compressor_speed:compressor"]
     known = truth[np.isfinite(truth)]
@@ -100,14 +132,8 @@ def test_fault_is_started_changed_and_stopped_in_a_running_graph(operator: Opera
 
 @pytest.mark.ros
 @pytest.mark.clock
-def test_table_of_topics_shows_the_running_loop(tmp_path: Path) -> None:
-    seen: dict[str, dict[str, Any]] = {}
-
-    def look(tick: int, _ticks: int) -> None:
-        if tick > 0 and not seen:
-            seen.update({row["name"]: row for row in topics_once(3.0)})
-
-    run_graph(load("nominal", ["duration_s=8"]), tmp_path, mode="realtime", care=True, progress=look)
+def test_table_of_topics_shows_the_running_loop(watched: tuple[Watched, GraphRun]) -> None:
+    seen = watched[0].topics
     assert {f"/ac/{topic.name}" for topic in TOPICS} <= set(seen)
     command = seen["/ac/controller/command"]
     assert command["type"] == "sensor_msgs/msg/JointState"
@@ -120,12 +146,15 @@ def test_table_of_topics_shows_the_running_loop(tmp_path: Path) -> None:
 
 @pytest.mark.ros
 @pytest.mark.clock
-def test_realtime_keeps_to_the_wall_clock(tmp_path: Path) -> None:
-    run = run_graph(load("nominal", ["duration_s=3"]), tmp_path, mode="realtime", care=True)
-    assert run.ticks == 30
-    assert run.wall_seconds >= 3.0 - 0.1  # never faster than the clock; how much slower is the machine's business
+def test_realtime_keeps_to_the_wall_clock(watched: tuple[Watched, GraphRun]) -> None:
+    _, run = watched
+    ticks = round(DURATION_S / SAMPLE_TIME_S)
+    assert run.ticks == ticks
+    assert (
+        run.wall_seconds >= DURATION_S - 0.1
+    )  # never faster than the clock; how much slower is the machine's business
     recording = read_bag(run.bag)
-    np.testing.assert_array_equal(recording.time_s, np.arange(30) * 100_000_000 / 1e9)
+    np.testing.assert_array_equal(recording.time_s, np.arange(ticks) * 100_000_000 / 1e9)
     assert recording.metadata["mode"] == "realtime"
     assert recording.metadata["missed_ticks"] == run.missed_ticks
     fdi = dict(health_reports(read_raw(run.bag)))["fdi"]
