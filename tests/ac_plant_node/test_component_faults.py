@@ -8,7 +8,6 @@ from ac_plant_node.equilibrium import equilibrium
 from ac_plant_node.inputs import FAULT_HIGH, FAULT_KINDS, FAULT_LOW, FAULTS, TO_SI, fault_vector
 from ac_plant_node.valve_actuator import valve_motion
 
-HEALTHY = {point: Plant.at(point).outputs for point in POINTS}
 # Signs of what a fault does at rest to evaporator pressure, superheat, condenser pressure, cooling and COP.
 SIGNS = {
     "valve_offset": (5.0, (1, -1, 1, 1, 0)),
@@ -40,15 +39,16 @@ def balances(plant, mass, energy):
 def test_what_a_fault_does_at_rest(kind, point):
     size, signs = SIGNS[kind]
     plant = Plant.at(point)
+    healthy = numbers(plant.outputs)
     mass, energy = plant.refrigerant_mass_kg, plant.stored_energy_j
     plant.set_faults({kind: size})
-    change = numbers(plant.advance(900.0)) - numbers(HEALTHY[point])
+    change = numbers(plant.advance(900.0)) - healthy
     for value, sign in zip(change, signs, strict=True):
         assert sign == 0 or np.sign(value) == sign
     errors = balances(plant, mass, energy)
     assert max(errors) < 1e-12
     plant.set_faults({})
-    np.testing.assert_allclose(numbers(plant.advance(1500.0)), numbers(HEALTHY[point]), rtol=1e-5)
+    np.testing.assert_allclose(numbers(plant.advance(1500.0)), healthy, rtol=1e-5)
 
 
 @pytest.mark.parametrize("point", POINTS)
@@ -85,7 +85,8 @@ def test_fault_of_a_parameter_is_that_parameter_changed():
 # noticeable below 90 %. Yuill & Mehrabi, Int. Refrig. Air Cond. Conf. at Purdue (2016) 1768, collect such results.
 @pytest.mark.parametrize("point", POINTS)
 def test_a_leak_of_a_tenth_of_the_charge(point):
-    plant, before = Plant.at(point), HEALTHY[point]
+    plant = Plant.at(point)
+    before = plant.outputs
     mass, energy = plant.refrigerant_mass_kg, plant.stored_energy_j
     plant.set_faults({"refrigerant_leak": 0.5})
     plant.advance(0.1 * mass / 0.5 * 3600.0)
@@ -140,13 +141,14 @@ def test_a_leak_while_the_commands_jump():
 
 def test_a_leak_ends_before_the_plant_is_empty():
     plant = Plant.at("med")
+    healthy = plant.outputs
     mass, energy = plant.refrigerant_mass_kg, plant.stored_energy_j
     plant.set_faults({"refrigerant_leak": 5.0})
     for _ in range(120):
         plant.advance(30.0)
     assert 0.15 < plant.refrigerant_mass_kg / mass <= 0.2
     assert max(balances(plant, mass, energy)) < 1e-12
-    assert plant.outputs.cooling_power_w < 0.3 * HEALTHY["med"].cooling_power_w
+    assert plant.outputs.cooling_power_w < 0.3 * healthy.cooling_power_w
     assert plant.outputs.subcooling_k == 0.0
 
 

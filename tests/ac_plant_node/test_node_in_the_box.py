@@ -25,7 +25,6 @@ OUTPUTS = tuple(
     f"plant/{name}" for name in ("evaporator_pressure", "superheat", "wall_temperature", "condenser_pressure")
 )
 PATIENCE_S = 10.0
-REST = Plant.at("med").inputs
 
 
 class Loop:
@@ -37,6 +36,7 @@ class Loop:
     def __init__(self, feeder: Feeder) -> None:
         self._feeder, self._tick = feeder, 0
         self._twin = Plant.at("med")
+        self.rest = self._twin.inputs.copy()
 
     def outputs(self) -> NDArray[np.float64]:
         """Outputs (4,) at the present tick."""
@@ -86,8 +86,8 @@ def loop() -> Iterator[Loop]:
 def test_runs_at_the_edges_and_stops_at_them(loop: Loop) -> None:
     """Bit for bit what `Plant.step` gives, which clips to the permitted box; the node outlives every corner of it."""
     corners = [
-        np.where([bool(k >> i & 1) for i in range(len(REST))], INPUT_HIGH, INPUT_LOW)
-        for k in range(0, 2 ** len(REST), 5)
+        np.where([bool(k >> i & 1) for i in range(len(INPUT_LOW))], INPUT_HIGH, INPUT_LOW)
+        for k in range(0, 2 ** len(INPUT_LOW), 5)
     ]
     beyond = [
         np.array([740.0, 1.0, 2.0, 80.0, 3.0, 80.0, 1.0]),  # 7066 rpm, gales of hot air
@@ -95,7 +95,7 @@ def test_runs_at_the_edges_and_stops_at_them(loop: Loop) -> None:
         # A fault of 40 rpm on top of the fastest command.
         np.array([INPUT_HIGH[0] + 4.2, 0.55, 0.31, 50.1, 0.55, 30.0, 0.0]),
     ]
-    for w in (*corners, *beyond, REST):
+    for w in (*corners, *beyond, loop.rest):
         for _ in range(15):
             loop.check(w)
 
@@ -106,7 +106,7 @@ def test_what_is_not_finite_is_refused_and_the_tick_waits_for_a_number(
     loop: Loop, position: int, name: str, value: float
 ) -> None:
     """The plant never sees it: with the good message that follows it goes on as if nothing had been sent."""
-    w = REST.copy()
+    w = loop.rest.copy()
     w[position] = value
     loop.tell(w, name)
-    loop.check(REST)
+    loop.check(loop.rest)
