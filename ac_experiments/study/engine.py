@@ -214,7 +214,10 @@ def opened_client(scheduler: str | None, workers: int | None) -> Iterator[Any]:
                     n_workers=workers or _cores(),
                     threads_per_worker=1,
                     processes=True,
-                    dashboard_address=None,  # nobody would know where
+                    # Dask's dashboard would be shown to nobody; its server is there all the same, and at a fixed port
+                    # it would warn whoever has another one running.
+                    dashboard_address="127.0.0.1:0",
+                    scheduler_kwargs={"dashboard": False},
                     local_directory=folder,
                     memory_limit=None,
                     silence_logs=logging.CRITICAL,

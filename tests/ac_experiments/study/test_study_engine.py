@@ -1,7 +1,9 @@
 """Whatever happens to a study under way, its results are the same to the byte; or it says in one line what is wrong."""
 
+import contextlib
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -22,6 +24,8 @@ from ac_experiments.study.schema import load_study
 from tests.said import complaints
 
 RUNS_IN_ALL = 24
+#: Where Dask has its web server unless it is told otherwise.
+DASK_PORT = 8787
 STUDY = f"""
 scenario: actuator_fault
 set: {{duration_s: 40, noise.superheat_k: 0.05}}
@@ -109,8 +113,13 @@ def out(tmp_path: Path) -> Iterator[Path]:
 
 
 def test_two_workers_give_the_bytes_of_one(file: Path, out: Path, undisturbed: bytes) -> None:
-    result = subprocess.run(command(file, out), capture_output=True, text=True, check=False)
+    with socket.socket() as another:
+        with contextlib.suppress(OSError):  # another's already
+            another.bind(("", DASK_PORT))
+            another.listen()
+        result = subprocess.run(command(file, out), capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
+    assert str(DASK_PORT) not in result.stderr
     assert (out / RUNS).read_bytes() == undisturbed
     table = pq.read_table(out / RUNS)
     assert table["run"].to_pylist() == list(range(RUNS_IN_ALL))
