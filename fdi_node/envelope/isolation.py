@@ -48,8 +48,8 @@ class Isolated:
     """A fault that is isolated.
 
     Position of its unknown (-1: none), name, times, since when it is small, whether it was isolated at once, how often
-    it has moved of late, and when it did last; whether its name has been ahead of the other one by `Limits.better`, or
-    there is no doubt about it: accommodation waits for that.
+    it has moved of late, and when it did last; whether its name has been ahead of the other one by `Limits.better`, and
+    by `Limits.kept` since, or there is no doubt about it: accommodation waits for that.
     """
 
     unknown: int
@@ -182,8 +182,9 @@ class Isolation:
         rival.compare(self._memory)
         is_alone = [one.unknown for one in self.faults] == [1 - rival.unknown]
         is_better = is_alone and rival.evidence < -self._limits.better
-        if is_alone and self._is_ahead:
-            self.faults[0].is_sure = True
+        if is_alone:
+            one = self.faults[0]
+            one.is_sure = rival.evidence >= (self._limits.kept if one.is_sure else self._limits.better)
         if rival.is_lost or not is_alone or rival.evidence > self._limits.settled:
             self.rival = None
         elif is_better:

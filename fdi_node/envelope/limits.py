@@ -64,9 +64,9 @@ class Limits:
         Mean square of the white innovations above which they are inconsistent, and below which they are not.
     lowest_rad_s, highest_rad_s, largest_pa : float
         What a named fault can be.
-    better, settled : float
-        Likelihood ratios with which the other named fault takes the place of the one that has the name, and with which
-        it is no longer thought of.
+    better, kept, settled : float
+        Likelihood ratios with which the other named fault takes the place of the one that has the name, and the name is
+        sure; below which it is sure no longer; and with which the other one is no longer thought of.
     """
 
     natural: float = 25.0
@@ -112,6 +112,7 @@ class Limits:
     highest_rad_s: float = 150.0 * RPM
     largest_pa: float = 20.0 * KPA
     better: float = 10.0
+    kept: float = 5.0
     settled: float = 100.0
 
     def lead(self, ratio: float, waited_s: float, is_sensor: bool) -> float:

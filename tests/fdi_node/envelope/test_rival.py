@@ -79,8 +79,10 @@ def test_a_name_is_acted_on_when_the_other_one_is_far_behind() -> None:
     isolation.rival.evidence = 1.5 * Limits().better
     said = loop.step(**FAULTS[name])
     assert (said.isolated, said.unsure, said.acted_on) == (name, None, (name, None))
-    isolation.rival.evidence = 0.0  # what has been sure stays so until the name is another one
+    isolation.rival.evidence = Limits().kept + 5.0  # what has been sure stays so for less
     assert loop.step(**FAULTS[name]).acted_on == (name, None)
+    isolation.rival.evidence = Limits().kept - 5.0
+    assert loop.step(**FAULTS[name]).acted_on == (None, None)
 
 
 def test_what_is_unsure_stays_so_when_nothing_is_compared_any_more() -> None:
