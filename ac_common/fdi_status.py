@@ -8,8 +8,9 @@ from ac_common.faults import ISOLABLE_KINDS, UNKNOWN
 _THRESHOLDS = tuple(f"threshold/{kind}" for kind in ISOLABLE_KINDS)
 #: What a fault can be isolated as.
 _NAMES = frozenset((*ISOLABLE_KINDS, UNKNOWN))
-#: How it is told of a fault that its name is unsure, that it no longer is, and that it was to the end.
-NOT_SURE, SURE, NEVER_SURE = "not yet sure, not acted on", "is sure", "never sure, not acted on"
+#: How it is told of a fault that its name is unsure, sure, unsure again, and that it never was sure.
+NOT_SURE, SURE, NO_LONGER = "not sure, not acted on", "is sure", "is sure no longer, not acted on"
+NEVER_SURE = "never sure, not acted on"
 
 
 class StatusRow(NamedTuple):

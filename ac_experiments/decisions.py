@@ -13,7 +13,7 @@ from ac_common.health import AS_USUAL
 class Spell:
     """A time in which something was so: a fault detected (`kind` is None), or named; `end_s` is nan: to the end.
 
-    `sure_s`: from when on the name was sure, and so to be acted on; nan: it never was.
+    `sure_s`: when the name was first sure, and so to be acted on; nan: it never was.
     """
 
     kind: str | None
@@ -25,11 +25,6 @@ class Spell:
     def length_s(self) -> float:
         """How long it was so, s; nan: to the end of the run."""
         return self.end_s - self.start_s
-
-    @property
-    def was_unsure(self) -> bool:
-        """Whether it has been a name that was not sure from the start."""
-        return self.kind is not None and self.sure_s != self.start_s
 
     def holds_at(self, time_s: float) -> bool:
         """Return whether it was so at a time."""
@@ -55,6 +50,19 @@ def spells_of(status: Iterable[StatusRow]) -> list[Spell]:
             if kind is not None and kind in row.acted_on and math.isnan(spell.sure_s):
                 begun[kind] = replace(spell, sure_s=row.time_s)
     return sorted([*found, *begun.values()], key=lambda spell: (spell.start_s, spell.kind is not None))
+
+
+def unsure_of(status: Iterable[StatusRow]) -> list[Spell]:
+    """Return the times in which a name was unsure, in their order."""
+    found: list[Spell] = []
+    begun: Spell | None = None
+    for row in status:
+        if begun is not None and row.unsure != begun.kind:
+            found.append(replace(begun, end_s=row.time_s))
+            begun = None
+        if row.unsure and begun is None:
+            begun = Spell(row.unsure, row.time_s)
+    return found if begun is None else [*found, begun]
 
 
 def sure_from(spells: Sequence[Spell], kind: str | None, time_s: float) -> float:

@@ -2,6 +2,7 @@
 
 from functools import cache
 
+from ac_common.fdi_status import StatusRow
 from ac_experiments.recording import Recording
 from ac_experiments.scenario import check, load
 from ac_experiments.scenario_schema import Scenario
@@ -30,3 +31,8 @@ def sure_later() -> Recording:
 def never_sure() -> Recording:
     """Return a run in which the wrong name is given, and is never sure."""
     return simulate(with_small(COMPRESSOR))
+
+
+def lost_between(status: list[StatusRow], lost_s: float, again_s: float) -> list[StatusRow]:
+    """Return what a decision says that is not sure of the name between two times."""
+    return [row._replace(unsure=row.isolated) if lost_s <= round(row.time_s, 1) < again_s else row for row in status]

@@ -7,7 +7,7 @@ from dataclasses import replace
 from ac_common.design_file import ENVELOPE, PAPER
 from ac_common.faults import BY_KIND, UNKNOWN
 from ac_common.fdi_status import NOT_SURE, SURE
-from ac_experiments.decisions import spells_of
+from ac_experiments.decisions import unsure_of
 from ac_experiments.metrics import fault_summaries, injected_faults
 from ac_experiments.recording import Recording
 from ac_experiments.report.charts import BLACK, GREEN, GREY, ORANGE, PURPLE, Mark, Span
@@ -17,7 +17,7 @@ BEFORE_S, AFTER_S = 20.0, 100.0
 ONSET, DETECTED, ISOLATED, ENDED = "fault begins", "detected", "isolated", "fault ends"
 SETTLED = "p<sub>e</sub> back at its reference"
 FAULTY = "a fault is there"
-UNSURE = "isolated, not yet sure"
+UNSURE = "isolated, not sure"
 #: The strip along the bottom of a plot that says so: part of the plot's height, opacity.
 STRIP, STRIP_SHADE = 0.07, 0.8
 #: A time with a fault is shaded over at least this part of a plot.
@@ -42,10 +42,8 @@ def around(fault_onset_s: float) -> tuple[float, float]:
 def spans_of(recording: Recording, start_s: float, stop_s: float) -> list[Span]:
     """Return the times with a fault, or with an unsure name, between two times; all can be seen, short ones too."""
     spans = [Span(fault.onset_s, fault.end_s, FAULTY, ORANGE) for fault in injected_faults(recording)]
-    for spell in spells_of(recording.status):
-        if spell.was_unsure:
-            end_s = spell.end_s if math.isnan(spell.sure_s) else spell.sure_s
-            spans.append(Span(spell.start_s, end_s, UNSURE, PURPLE, STRIP, STRIP_SHADE))
+    unsure = unsure_of(recording.status)
+    spans += [Span(spell.start_s, spell.end_s, UNSURE, PURPLE, STRIP, STRIP_SHADE) for spell in unsure]
     least_s = LEAST_SHADE * (stop_s - start_s)
     found = []
     for span in spans:
@@ -84,8 +82,8 @@ def marks_of(recording: Recording) -> list[Mark]:
     detections, isolations = instants(recording)
     marks += [Mark(at, DETECTED, PURPLE, "dot") for at in detections]
     named = [(at, kind, ISOLATED) for at, kind in isolations]
-    later = (spell for spell in spells_of(recording.status) if spell.sure_s > spell.start_s)
-    named += [(spell.sure_s, str(spell.kind), SURE) for spell in later]
+    ended = (spell for spell in unsure_of(recording.status) if not math.isnan(spell.end_s))
+    named += [(spell.end_s, str(spell.kind), SURE) for spell in ended]
     for at, kind, what in named:
         symbol = kind if kind == UNKNOWN else BY_KIND[kind].symbol
         if (acts := acting(recording, kind, at)) == NOT_SURE:

@@ -9,12 +9,12 @@ from typing import Any
 from markupsafe import Markup
 
 from ac_common.faults import BY_KIND, UNKNOWN, called
-from ac_common.fdi_status import SURE
+from ac_common.fdi_status import NO_LONGER, NOT_SURE, SURE
 from ac_common.files import write_whole
 from ac_common.health import health_of
 from ac_common.topics import BRINGUP, FDI
 from ac_common.yaml_file import yaml_text
-from ac_experiments.decisions import told_sure
+from ac_experiments.decisions import told_sure, unsure_of
 from ac_experiments.metrics import SETTLED_DEVIATIONS, SETTLED_KPA, WINDOW_S, summarise
 from ac_experiments.recording import Recording
 from ac_experiments.report.embedded import Plots
@@ -284,10 +284,13 @@ def _with_decisions(
         replace(event, length_s=_or_nan(lasting.get((event.node, event.what, round(event.time_s, 3)))))
         for event in events or ()
     ]
-    for named in summary["isolations"]:
-        if named["sure_s"] not in (None, named["time_s"]):
-            acts = acting(recording, named["kind"], named["sure_s"])
-            told.append(Event(named["sure_s"], FDI, ": ".join(filter(None, (f"{called(named['kind'])} {SURE}", acts)))))
+    isolated = [(named["time_s"], named["kind"]) for named in summary["isolations"]]
+    for unsure in unsure_of(recording.status):
+        kind = str(unsure.kind)
+        if (unsure.start_s, kind) not in isolated:
+            told.append(Event(unsure.start_s, FDI, f"{called(kind)} {NO_LONGER}"))
+        if not math.isnan(unsure.end_s) and (acts := acting(recording, kind, unsure.end_s)) != NOT_SURE:
+            told.append(Event(unsure.end_s, FDI, ": ".join(filter(None, (f"{called(kind)} {SURE}", acts)))))
     alarms = {alarm["time_s"]: alarm["kind"] for alarm in summary["false_alarm_list"]}
     for spell in (*summary["detections"], *summary["isolations"]):
         kind = spell["kind"]

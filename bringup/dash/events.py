@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from ac_common.faults import BY_KIND, UNKNOWN
-from ac_common.fdi_status import NOT_SURE, SURE, StatusRow
+from ac_common.fdi_status import NO_LONGER, NOT_SURE, SURE, StatusRow
 from ac_common.health import AS_USUAL
 from ac_common.topics import FDI, INJECTOR
 
@@ -65,8 +65,10 @@ class Events:
         for kind in sorted(now - named):
             doubt = "" if kind in sure_now else f": {NOT_SURE}"
             self.add(Happening(time_ns, FDI, f"{_symbol(kind)} isolated{doubt}"))
-        for kind in sorted(sure_now & named - sure):
-            self.add(Happening(time_ns, FDI, f"{_symbol(kind)} {SURE}"))
+        changed = ((SURE, sure_now & named - sure), (NO_LONGER, sure & now - sure_now))
+        for what, kinds in changed:
+            for kind in sorted(kinds):
+                self.add(Happening(time_ns, FDI, f"{_symbol(kind)} {what}"))
         for kind in sorted(named - now):
             self.add(Happening(time_ns, FDI, f"{_symbol(kind)} no longer isolated"))
         if detected and not status.detected:

@@ -295,7 +295,7 @@ def lamps(view: View, problem: str) -> str:
         if status is not None and status.isolated == fault.kind:
             words += f": {in_unit(fault.kind, status.size):+.1f} {fault.unit}"
         is_unsure = status is not None and status.unsure == fault.kind
-        words += ", not yet sure" if is_unsure else ""
+        words += ", not sure" if is_unsure else ""
         parts.append(Lamp(f"isolated_{fault.symbol}", fault.kind in isolated, "warn" if is_unsure else "bad", words))
     parts.append(Lamp("isolated_unknown", UNKNOWN in isolated, "bad", "another fault"))
     waits = bool(isolated - {None}) and status is not None and not any(status.acted_on)

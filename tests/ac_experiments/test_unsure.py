@@ -1,16 +1,17 @@
-"""A fault whose name is not sure yet is told as such, wherever it is told: nothing is done about it until then."""
+"""A fault whose name is not sure is told as such, wherever it is told: nothing is done about it."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ac_common.fdi_status import NEVER_SURE, NOT_SURE, StatusRow
+from ac_common.fdi_status import NEVER_SURE, NO_LONGER, NOT_SURE, SURE, StatusRow
 from ac_experiments.bags.export import table_of
 from ac_experiments.bags.reader import read_bag
 from ac_experiments.bags.simulated import write_bag
-from ac_experiments.decisions import spells_of
+from ac_experiments.decisions import spells_of, unsure_of
 from ac_experiments.designs import designs_of
 from ac_experiments.metrics import summarise
 from ac_experiments.recording import Recording
@@ -18,7 +19,7 @@ from ac_experiments.report.comparison import named, write_comparison
 from ac_experiments.report.moments import UNSURE, marks_of, spans_of
 from ac_experiments.report.narrative import narrative
 from ac_experiments.report.page import render
-from tests.small_faults import ONSET_S, SENSOR, never_sure, sure_later, with_small
+from tests.small_faults import ONSET_S, SENSOR, lost_between, never_sure, sure_later, with_small
 
 NAN = float("nan")
 
@@ -101,5 +102,20 @@ def test_a_name_that_is_given_again_is_unsure_again(later: str | None) -> None:
         for at, (name, unsure) in enumerate(said)
     ]
     names = [spell for spell in spells_of(rows) if spell.kind == "evaporator_pressure"]
-    assert [(one.start_s, one.sure_s, one.was_unsure) for one in names] == [(0.0, 0.0, False), (3.0, 4.0, True)]
-    assert not any(spell.was_unsure for spell in spells_of(rows) if spell.kind != "evaporator_pressure")
+    assert [(one.start_s, one.sure_s) for one in names] == [(0.0, 0.0), (3.0, 4.0)]
+    unsure = [(one.kind, one.start_s, one.end_s) for one in unsure_of(rows)]
+    assert unsure == [("evaporator_pressure", 1.0, 2.0), ("evaporator_pressure", 3.0, 4.0)]
+
+
+def test_a_name_that_is_sure_no_longer_is_told_and_when_it_is_again() -> None:
+    run = sure_later()
+    (fault,) = summarise(run)["faults"]
+    lost_s, again_s = (round(fault["sure_s"] + later_s, 1) for later_s in (5.0, 10.0))
+    run = replace(run, status=lost_between(run.status, lost_s, again_s))
+    spans = [(span.start, span.stop) for span in spans_of(run, 0.0, 150.0) if span.name == UNSURE]
+    assert spans == [(fault["isolated_s"], fault["sure_s"]), pytest.approx((lost_s, again_s))]
+    told = re.findall(r"<tr><td>([\d.]+)</td><td><code>fdi</code></td><td>([^<]+)</td>", text_of(render(run)))
+    assert told[-2][0] == f"{lost_s:.1f}"
+    assert told[-2][1].endswith(NO_LONGER)
+    assert told[-1][0] == f"{again_s:.1f}"
+    assert f" {SURE}: " in told[-1][1]

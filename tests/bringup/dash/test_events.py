@@ -1,9 +1,11 @@
 """The page's list of events: each once, in order of time, with one mark where several come together."""
 
-from ac_common.fdi_status import NOT_SURE, StatusRow
+import pytest
+
+from ac_common.fdi_status import NO_LONGER, NOT_SURE, SURE, StatusRow
 from ac_experiments.metrics import summarise
 from bringup.dash.events import MOST_EVENTS, Events, Happening, marks
-from tests.small_faults import sure_later
+from tests.small_faults import lost_between, sure_later
 
 SECOND_NS = 10**9
 
@@ -32,13 +34,16 @@ def test_what_fdi_decides_is_told_when_it_changes() -> None:
 
 def test_a_name_that_is_not_sure_is_told_as_such_and_when_it_is() -> None:
     events, run = Events(), sure_later()
-    for row in run.status:
-        events.decided(round(row.time_s * 1e9), row)
     (fault,) = summarise(run)["faults"]
+    lost_s, again_s = (round(fault["sure_s"] + later_s, 1) for later_s in (5.0, 10.0))
+    for row in lost_between(run.status, lost_s, again_s):
+        events.decided(round(row.time_s * 1e9), row)
     assert [(time_s, one.what) for time_s, one in events.since(0)] == [
         (fault["detected_s"], "fault detected"),
         (fault["isolated_s"], f"f_p isolated: {NOT_SURE}"),
-        (fault["sure_s"], "f_p is sure"),
+        (fault["sure_s"], f"f_p {SURE}"),
+        (pytest.approx(lost_s), f"f_p {NO_LONGER}"),
+        (pytest.approx(again_s), f"f_p {SURE}"),
     ]
 
 

@@ -41,6 +41,6 @@ def test_a_name_that_is_not_sure_yet(accommodate: bool) -> None:
     waits = ("wait", "accommodation waits: K0 alone") if accommodate else None
     assert [lamp.get("accommodating") for lamp in (before, unsure, sure)] == [on, waits, on]
     assert "isolated_f_p" not in before
-    assert re.fullmatch(r"f_p pressure sensor: \+0\.\d kPa, not yet sure", unsure["isolated_f_p"][1])
+    assert re.fullmatch(r"f_p pressure sensor: \+0\.\d kPa, not sure", unsure["isolated_f_p"][1])
     assert re.fullmatch(r"f_p pressure sensor: \+0\.\d kPa", sure["isolated_f_p"][1])
     assert (unsure["isolated_f_p"][0], sure["isolated_f_p"][0]) == ("warn", "bad")
