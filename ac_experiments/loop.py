@@ -148,7 +148,8 @@ class Loop:
     def _act(self, k: int, faults: Sequence[float], measured: Measurement, inlets: Inlets, found: "Detection") -> None:
         """Do what follows from the readings of a tick, and let the plant run on to the next one."""
         time_s, reference, car = self._times[k], self.schedule.reference[k], self.schedule.car[k].tolist()
-        q = self._compensator.step(self._signal(found), *found.acted_on, reference.tolist(), measured)
+        acted_on, is_unsure = found.acted_on, bool(found.unsure)
+        q = self._compensator.step(self._signal(found), *acted_on, reference.tolist(), measured, is_unsure)
         reading = self._reading
         reading[0], reading[1], reading[2] = measured[:3]
         if car:

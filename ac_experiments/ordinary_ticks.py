@@ -193,7 +193,7 @@ def ordinary_ticks(
                 _show(m, rules, thresholds, row, found[k])
                 accommodation(
                     compensator, curve, n, m.x[0], m.x[1],
-                    int(asked[IS_THERE]), int(asked[IS_THERE + 1]), accommodates,
+                    int(asked[IS_THERE]), int(asked[IS_THERE + 1]), 0, accommodates,
                     1, measured[0], measured[1], measured[3], 1, reference[0], reference[1],
                 )  # fmt: skip
             if accommodates != 0:

@@ -30,8 +30,12 @@ class Accommodation(Protocol):
         also_isolated: str | None = None,
         reference: Signal | None = None,
         measured: Signal | None = None,
+        is_unsure: bool = False,
     ) -> Vector:
-        """Return q of a tick; `signal` is what its kind `reads`, and references or readings may be missing."""
+        """Return q of a tick; `signal` is what its kind `reads`, and references or readings may be missing.
+
+        `isolated` and `also_isolated` are what is to be acted on; `is_unsure`: a fault is isolated that is not.
+        """
 
     def commanded(self, command: Signal) -> None:
         """Take note of the command [rad/s, 0..1] that was sent."""

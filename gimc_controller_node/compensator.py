@@ -314,6 +314,7 @@ class Compensator:
         also_isolated: str | None = None,
         reference: Signal | None = None,
         measured: Signal | None = None,  # noqa: ARG002
+        is_unsure: bool = False,  # noqa: ARG002
     ) -> Vector:
         """Return the signal q of this tick.
 

@@ -98,7 +98,7 @@ class CompensatorNode(LoopNode):
             measured = (*measured, values[-1])
         if self.is_realtime:
             self._warm_restart(time_ns, signal, status, reference)
-        q = self._compensator.step(signal, *status.acted_on, reference, measured)
+        q = self._compensator.step(signal, *status.acted_on, reference, measured, bool(status.unsure))
         self.enter(self._compensator.does, time_ns)
         self.send(time_ns, "compensator/q", *q.tolist())
         self.checkpoint.save(time_ns, self._compensator)

@@ -73,19 +73,20 @@ def _shift(m: Array, f_n: float) -> float:
 
 
 @jit
-def _watch(m: Array, is_active: bool, error: float) -> None:
-    """Withdraw what seems to do harm, until the fault is no longer isolated."""
+def _watch(m: Array, is_active: bool, is_unsure: bool, error: float) -> None:
+    """Withdraw what seems to do harm, until no fault is isolated: one whose name is unsure meanwhile still is."""
     m[_AVERAGE] += m[_AVERAGES] * (error - m[_AVERAGE])
-    if not is_active:
+    if not (is_active or is_unsure):
         m[_ALLOWED], m[WITHDRAWN] = max(m[_AVERAGE], m[_HEALTHY]) + m[_HARMFUL], 0.0
-    elif m[_AVERAGE] > m[_ALLOWED]:
+    elif is_active and m[_AVERAGE] > m[_ALLOWED]:
         m[WITHDRAWN] = 1.0
 
 
 @jit
 def accommodation(
-    m: Array, curve: Array, n: int, f_n: float, f_p: float, has_f_n: int, has_f_p: int, may_act: int, is_read: int,
-    pressure: float, superheat: float, head: float, is_wanted: int, wanted_pressure: float, wanted_superheat: float,
+    m: Array, curve: Array, n: int, f_n: float, f_p: float, has_f_n: int, has_f_p: int, is_unsure: int, may_act: int,
+    is_read: int, pressure: float, superheat: float, head: float, is_wanted: int, wanted_pressure: float,
+    wanted_superheat: float,
 ) -> None:  # fmt: skip
     """One tick: see `EnvelopeCompensator.step`; `curve` is empty when the superheat is not derived."""
     acts, used = may_act != 0 and m[WITHDRAWN] == 0.0, m[_USED : _USED + 2]
@@ -111,7 +112,8 @@ def accommodation(
     at_limit = speed_stops or valve_stops or m[_RECOVERING] > 0.0  # there errors grow with any control
     if is_wanted != 0 and is_read != 0 and not at_limit:
         errors = wanted_pressure - pressure + used[1], wanted_superheat - superheat + in_superheat
-        _watch(m, has_f_n + has_f_p != 0, abs(errors[0]) / ERROR_UNIT[0] + abs(errors[1]) / ERROR_UNIT[1])
+        error = abs(errors[0]) / ERROR_UNIT[0] + abs(errors[1]) / ERROR_UNIT[1]
+        _watch(m, has_f_n + has_f_p != 0, is_unsure != 0, error)
 
 
 @dataclass(frozen=True)
@@ -246,6 +248,7 @@ class EnvelopeCompensator:
         also_isolated: str | None = None,
         reference: Signal | None = None,
         measured: Signal | None = None,
+        is_unsure: bool = False,
     ) -> Vector:
         """Return the signal q of this tick.
 
@@ -254,10 +257,12 @@ class EnvelopeCompensator:
         estimates : sequence of float, length 2
             f_N [rad/s] and f_p [Pa].
         isolated, also_isolated : str or None
-            The isolated faults; for one that is "unknown" there is no q.
+            The isolated faults whose names are sure; for one that is "unknown" there is no q.
         reference, measured : sequence of float, optional
             Of p_e [Pa] and SH [K]; measured of p_c [Pa], too, where it is read, as the last of more than two. None:
             missing, and nothing is watched in this tick.
+        is_unsure : bool, optional
+            Whether a fault is isolated whose name is not sure.
 
         Returns
         -------
@@ -270,7 +275,8 @@ class EnvelopeCompensator:
         p_c = measured[-1] if measured is not None and len(measured) > 2 else 0.0
         is_wanted, (pressure, superheat) = (0, (0.0, 0.0)) if reference is None else (1, reference[:2])
         self._accommodate(
-            self.memory, self.curve, self.n_states, float(f_n), float(f_p), has_f_n, has_f_p, int(self.accommodate),
-            is_read, float(p_e), float(sh), float(p_c), is_wanted, float(pressure), float(superheat),
+            self.memory, self.curve, self.n_states, float(f_n), float(f_p), has_f_n, has_f_p, int(is_unsure),
+            int(self.accommodate), is_read, float(p_e), float(sh), float(p_c), is_wanted, float(pressure),
+            float(superheat),
         )  # fmt: skip
         return self._q.copy()

@@ -4,7 +4,7 @@ At every tick there are explanations of what has been seen: a jump of one unknow
 "nothing has jumped" (`fdi_node.envelope.jumps`).
 
 - An explanation is accepted when its ratio is high enough and for long enough ahead of that of every other one. The
-  estimate is then moved as it says. A first, small fault needs less of a lead the longer it has been likely: what tells
+  estimate is then moved as it says. A first fault needs less of a lead the longer it has been likely: what tells
   a fault of the compressor from one of the pressure's sensor is mostly in the first seconds of it.
 - Jumps of the air flows are no fault, and they happen while a small fault is still in doubt: one is accepted when it
   explains more than any other jump does, together with what was likely before it, and what was told of that is kept.
@@ -248,12 +248,12 @@ class EnvelopeDecision:
         here, is_pressure = float(self._memory.scalars[LARGEST]), leader.unknown == PRESSURE
         waited_s = 0.0 if self.isolated or is_open else time_s - since.likely
         is_doubtful = is_open and is_pressure  # parameters that are wrong look like a slow one of the sensor
-        if is_doubtful or not leader.lead > limits.lead(leader.ratio, waited_s, is_pressure):
+        if is_doubtful or not leader.lead > limits.lead(leader.ratio, waited_s, is_pressure, leader.unknown < NAMED):
             since.ahead = NOT
         elif leader.unknown != since.leader or since.ahead == NOT:
             since.leader, since.ahead = leader.unknown, time_s
         is_plain = here > limits.plain and leader.unknown == COMPRESSOR and not leader.grows
-        is_plain = is_plain and leader.lead > limits.lead(leader.ratio, 0.0, False)
+        is_plain = is_plain and leader.lead > limits.lead(leader.ratio, 0.0, False, True)
         hold_s = limits.hold_growing_s if leader.grows else limits.hold_s if is_plain else limits.hold_unsure_s
         may_be_natural = not is_plain and time_s - leader.age_s >= since.natural - N_ONSETS * self._h
         waits_s = since.natural + limits.after_natural_s if may_be_natural else -NOT

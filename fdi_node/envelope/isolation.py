@@ -182,7 +182,7 @@ class Isolation:
         rival.compare(self._memory)
         is_alone = [one.unknown for one in self.faults] == [1 - rival.unknown]
         is_better = is_alone and rival.evidence < -self._limits.better
-        if is_alone:
+        if is_alone and not rival.is_lost:
             one = self.faults[0]
             one.is_sure = rival.evidence >= (self._limits.kept if one.is_sure else self._limits.better)
         if rival.is_lost or not is_alone or rival.evidence > self._limits.settled:

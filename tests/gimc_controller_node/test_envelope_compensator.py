@@ -95,7 +95,18 @@ def test_growing_errors_withdraw_it_until_nothing_is_isolated(design):
     for _ in range(600):
         compensator.step((40.0 * RPM, 0.0), ACTUATOR, None, REFERENCE, far)
     assert compensator.does == HARMFUL
+    for _ in range(600):  # its name is in doubt for a while
+        assert np.abs(compensator.step((40.0 * RPM, 0.0), None, None, REFERENCE, far, True)).max() < 5.0
+    compensator.step((40.0 * RPM, 0.0), ACTUATOR, None, REFERENCE, far)
+    assert compensator.does == HARMFUL
     compensator.step((0.0, 0.0), None, None, REFERENCE, REFERENCE)
+    assert compensator.does == ""
+
+
+def test_errors_of_k0_alone_withdraw_nothing(design):
+    compensator = EnvelopeCompensator(design)
+    for _ in range(600):
+        compensator.step((40.0 * RPM, 0.0), None, None, REFERENCE, REFERENCE - np.array([40.0 * KPA, 10.0]), True)
     assert compensator.does == ""
 
 

@@ -73,6 +73,13 @@ def test_less_of_a_lead_is_needed_the_longer_it_takes(more: float, patience_s: s
     assert story.tell(limits.hold_unsure_s + 0.5, **seen) == (True, "evaporator_pressure")
 
 
+@pytest.mark.parametrize(("name", "less"), [("evaporator_air_flow", 0.0), ("superheat_sensor", Limits().rarer)])
+def test_what_is_certain_and_no_fault_with_a_name_needs_all_of_its_lead(name: str, less: float) -> None:
+    seen = {name: 2000.0 + less, "compressor_speed": 1998.0}
+    waited_s = Limits().patience_certain_s + Limits().hold_unsure_s
+    assert Story().tell(waited_s, **seen) == (True, None)
+
+
 def test_after_a_while_any_lead_is_enough_but_not_for_the_sensor() -> None:
     lead, wait_s = 0.5 * Limits().ahead_sensor, Limits().patience_s + Limits().hold_unsure_s
     seen = {"compressor_speed": 200.0, "evaporator_pressure": 200.0 - lead}

@@ -96,6 +96,18 @@ def test_what_is_unsure_stays_so_when_nothing_is_compared_any_more() -> None:
     assert (said.isolated, said.acted_on) == (name, (None, None))
 
 
+def test_what_is_sure_stays_so_when_the_other_observer_is_lost() -> None:
+    name = "evaporator_pressure"
+    loop = with_a_rival(name)
+    isolation = isolation_of(loop)
+    assert isolation.rival is not None
+    isolation.rival.evidence = 2.0 * Limits().better
+    assert loop.step(**FAULTS[name]).acted_on == (name, None)
+    isolation.rival.is_lost, isolation.rival.memory.out[0] = True, math.nan
+    assert [said.acted_on for said in loop.run(0.3, **FAULTS[name])] == [(name, None)] * 3
+    assert isolation.rival is None
+
+
 def test_what_jumps_clearly_has_no_rival() -> None:
     loop = Loop("med")
     list(loop.run(25.0))
