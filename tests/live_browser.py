@@ -14,6 +14,8 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
 
+from bringup.dash.rows import ROW_PERIOD_S
+
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 #: Nothing that the browser does of its own accord is to go out, or into the log of requests.
 FLAGS = [
@@ -29,6 +31,8 @@ FLAGS = [
 PATIENCE_S = 180.0
 #: How long compiling the plant, or a point's synthesis, may take where neither is in the cache yet, s.
 FIRST_TIME_S = 500.0
+#: Nothing is looked for while the observer settles, nor taken for a fault for a while after, s.
+SETTLED_S = 28.0
 #: How long the page may show no row.
 BETWEEN_S = 2.0
 
@@ -103,6 +107,16 @@ def newest_row(page: Page) -> dict[str, float]:
         return Object.entries(columns).map(([name, values]) => [name, values[values.length - 1] ?? null])
     }"""
     return {name: math.nan if value is None else float(value) for name, value in page.evaluate(script)}
+
+
+def observed_s(page: Page, since_s: float = 0.0) -> float:
+    """How long the detector has observed since a time: of the ticks that a busy machine has missed it knows nothing."""
+    script = """since => {
+        const source = window.Bokeh?.documents[0]?.get_model_by_name("rows")
+        const columns = source ? Object.fromEntries(source.data.entries?.() ?? Object.entries(source.data)) : {}
+        return Array.from(columns.r_N ?? []).filter((value, i) => Number.isFinite(value) && columns.t[i] > since).length
+    }"""
+    return ROW_PERIOD_S * int(page.evaluate(script, since_s))
 
 
 def until(condition: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) -> None:

@@ -11,13 +11,23 @@ from playwright.sync_api import Browser, expect
 
 from ac_experiments.bags.reader import read_bag
 from tests.domains import OWN
-from tests.live_browser import FIRST_TIME_S, PATIENCE_S, acftc, click, is_lit, lamp, new_page, newest, until
+from tests.live_browser import (
+    FIRST_TIME_S,
+    PATIENCE_S,
+    SETTLED_S,
+    acftc,
+    click,
+    is_lit,
+    lamp,
+    new_page,
+    newest,
+    observed_s,
+    until,
+)
 
 pytestmark = [pytest.mark.ros, pytest.mark.clock, pytest.mark.slow, pytest.mark.timeout(2 * FIRST_TIME_S)]
 
 ROOT = Path(__file__).parents[3]
-#: Nothing is looked for while the observer settles, s.
-SETTLED_S = 28.0
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +51,7 @@ def test_a_plant_of_your_own(browser: Browser, own_plant: Path) -> None:
         until(lambda: math.isclose(newest(page, "p_e"), 265.0, abs_tol=0.5), "not at rest at the car's medium point")
         assert newest(page, "p_e_reference") == pytest.approx(265.0)
         assert newest(page, "superheat_reference") == pytest.approx(15.0)
-        until(lambda: newest(page, "t") > SETTLED_S, "the loop stands still")
+        until(lambda: observed_s(page) > SETTLED_S, "the loop stands still")
         click(page, "Inject f_N")
         is_lit(page, "isolated_f_N")
         click(page, "Reset")
