@@ -11,6 +11,7 @@ from ac_common.topics import SCENARIO
 from bringup.dash.controls import CHANGES, LOADS, N_REFERENCES, USUAL_RAMP_S, ChangeControl, FaultControl
 from bringup.dash.view import View
 from bringup.nodes.scenario import OFFSETS
+from tests.dash_views import RUNNING
 
 #: Name of the parameter, and position among the controls.
 SUPERHEAT = OFFSETS[1].name, 1
@@ -41,20 +42,7 @@ class Sent:
 def view(**offsets: float) -> View:
     """The graph as it is with these offsets, all else at rest."""
     at_rest = dict.fromkeys((limits.name for limits in OFFSETS), 0.0)
-    return View(
-        phase="running",
-        message="",
-        failed=False,
-        point="med",
-        mode="realtime",
-        recorded=False,
-        accommodate=True,
-        live_faults=frozenset(),
-        status=None,
-        plant={},
-        parameters={SCENARIO: {**at_rest, **offsets}},
-        restarting=(),
-    )
+    return replace(RUNNING, parameters={SCENARIO: {**at_rest, **offsets}})
 
 
 @pytest.fixture

@@ -1,32 +1,20 @@
 """What the lamps say of a fault that is isolated: while its name is not sure, accommodation waits."""
 
 import re
+from dataclasses import replace
 
 import pytest
 
 from ac_common.fdi_status import StatusRow
 from ac_experiments.metrics import summarise
 from bringup.dash.page import lamps
-from bringup.dash.view import View
+from tests.dash_views import RUNNING
 from tests.small_faults import sure_later
 
 
 def lit(status: StatusRow, accommodate: bool) -> dict[str, tuple[str, str]]:
     """Colour and words of each lamp that is lit."""
-    view = View(
-        phase="running",
-        message="",
-        failed=False,
-        point="high",
-        mode="realtime",
-        recorded=False,
-        accommodate=accommodate,
-        live_faults=frozenset(),
-        status=status,
-        plant={},
-        parameters={},
-        restarting=(),
-    )
+    view = replace(RUNNING, point="high", accommodate=accommodate, status=status)
     found = re.findall(r'class="lamp (\w+) on" data-lamp="(\w+)">([^<]+)<', lamps(view, ""))
     return {name: (colour, words) for colour, name, words in found}
 
