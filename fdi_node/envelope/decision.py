@@ -245,15 +245,15 @@ class EnvelopeDecision:
     def _ready_s(self, leader: Leader, time_s: float) -> float:
         """Return when an explanation may be accepted, if it stays ahead; inf if it is not."""
         limits, since, is_open = self.limits, self.since, self.isolation.is_open
-        here, is_pressure = float(self._memory.scalars[LARGEST]), leader.unknown == PRESSURE
+        here = float(self._memory.scalars[LARGEST])
         waited_s = 0.0 if self.isolated or is_open else time_s - since.likely
-        is_doubtful = is_open and is_pressure  # parameters that are wrong look like a slow one of the sensor
-        if is_doubtful or not leader.lead > limits.lead(leader.ratio, waited_s, is_pressure, leader.unknown < NAMED):
+        is_doubtful = is_open and leader.unknown == PRESSURE  # wrong parameters look like a slow one of the sensor
+        if is_doubtful or not leader.lead > limits.lead(leader.ratio, waited_s, leader.unknown < NAMED):
             since.ahead = NOT
         elif leader.unknown != since.leader or since.ahead == NOT:
             since.leader, since.ahead = leader.unknown, time_s
         is_plain = here > limits.plain and leader.unknown == COMPRESSOR and not leader.grows
-        is_plain = is_plain and leader.lead > limits.lead(leader.ratio, 0.0, False, True)
+        is_plain = is_plain and leader.lead > limits.lead(leader.ratio, 0.0, True)
         hold_s = limits.hold_growing_s if leader.grows else limits.hold_s if is_plain else limits.hold_unsure_s
         may_be_natural = not is_plain and time_s - leader.age_s >= since.natural - N_ONSETS * self._h
         waits_s = since.natural + limits.after_natural_s if may_be_natural else -NOT

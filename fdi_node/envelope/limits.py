@@ -21,12 +21,11 @@ class Limits:
         faults are rarer, and a small one of the condenser pressure's sensor looks like one of the compressor.
     stuck : float
         A stuck valve counts so many times what it does, because when that began is only known to a window.
-    patience_s, patience_certain_s, ahead_sensor : float
-        A first fault needs less of a lead the longer it has been likely, in proportion to time, and none after the
+    patience_s, patience_certain_s : float
+        A first fault needs less of a lead the longer it has been likely, by the square of time, and none after the
         first, or the second where it is certain that something is and it has a name: who waits on learns little more of
         which fault it is, while the observers that begin with a name do. What has no name and is certain is not waited
-        for so. One of the pressure's sensor always needs the third: if that
-        is wrong K0 holds another pressure, and a wrong fault of the compressor does no harm.
+        for so.
     at_once, at_once_share, at_once_s : float
         A named fault that is ahead by this much, and by this share of its own ratio, and has begun no longer ago than
         the last, is isolated in the same tick, but where the plant's parameters are estimated.
@@ -80,10 +79,9 @@ class Limits:
     ahead_natural: float = 4.0
     ahead_share: float = 0.01
     rarer: float = 10.0
-    stuck: float = 1.1
+    stuck: float = 1.05
     patience_s: float = 45.0
     patience_certain_s: float = 15.0
-    ahead_sensor: float = 3.0
     at_once: float = 60.0
     at_once_share: float = 0.15
     at_once_s: float = 3.0
@@ -116,10 +114,10 @@ class Limits:
     kept: float = 5.0
     settled: float = 100.0
 
-    def lead(self, ratio: float, waited_s: float, is_sensor: bool, is_named: bool) -> float:
+    def lead(self, ratio: float, waited_s: float, is_named: bool) -> float:
         """Return by how much an explanation with this ratio must be ahead after it has been waited for."""
         needed = max(self.ahead, self.ahead_share * ratio)
         if ratio > self.certain and not is_named:
             return needed
         patience_s = self.patience_certain_s if ratio > self.certain else self.patience_s
-        return max(self.ahead_sensor if is_sensor else 0.0, (1.0 - waited_s / patience_s) * needed)
+        return max(0.0, 1.0 - (waited_s / patience_s) ** 2) * needed
