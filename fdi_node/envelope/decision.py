@@ -174,7 +174,8 @@ class EnvelopeDecision:
             onset_s = self.since.likely
             detected = time_s - self.since.certain >= self.limits.hold_unsure_s
             self.doubts = self.doubts or (detected and self._is_early(onset_s, time_s))
-            detected = detected and not self.doubts
+            # On another plant what has no name is forgotten.
+            detected = detected and not self.doubts and not self.isolation.is_open
             return Conclusion(thresholds, detected, None, math.nan, onset_s if detected else math.nan, math.nan, None)
         for one in self.isolated:
             if one.name == UNKNOWN:
@@ -253,7 +254,8 @@ class EnvelopeDecision:
         elif leader.unknown != since.leader or since.ahead == NOT:
             since.leader, since.ahead = leader.unknown, time_s
         is_plain = here > limits.plain and leader.unknown == COMPRESSOR and not leader.grows
-        is_plain = is_plain and leader.lead > limits.lead(leader.ratio, 0.0, True)
+        share = limits.at_once_share if is_open else 0.0  # that filter is too sure of itself where a zone vanishes
+        is_plain = is_plain and leader.lead > max(limits.lead(leader.ratio, 0.0, True), share * leader.ratio)
         hold_s = limits.hold_growing_s if leader.grows else limits.hold_s if is_plain else limits.hold_unsure_s
         may_be_natural = not is_plain and time_s - leader.age_s >= since.natural - N_ONSETS * self._h
         waits_s = since.natural + limits.after_natural_s if may_be_natural else -NOT
@@ -302,6 +304,8 @@ class EnvelopeDecision:
             setattr(since, name, began)
             if time_s - began < limits.wander_s:
                 continue
+            if float(self._memory.scalars[LARGEST]) > limits.natural:
+                began = min(began, time_s - self._explanations.age_s(self._memory, self._h))
             if i not in known and not known and time_s - since.unknown > limits.after_unknown_s:
                 self._add(i, self._unknowns[i].reported, began, time_s)
             if not self.asked[LOWEST + i] <= value <= self.asked[HIGHEST + i]:

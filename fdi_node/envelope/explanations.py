@@ -66,6 +66,10 @@ class Explanations(NamedTuple):
         has_jumped = is_named and not grows and age_s <= limits.at_once_s and stands_out
         return Leader(top, self.positions[top], self.reported[top], ratios[top], lead, age_s, grows, has_jumped)
 
+    def age_s(self, m: Memory, h: float) -> float:
+        """Return how long ago what explains most has begun; `h`: s a tick."""
+        return float(m.age[int(m.best[int(np.argmax(m.ratios))])]) * h
+
     def best_of(self, unknown: int, ratios: list[float]) -> int:
         """Return the explanation by an unknown that has the largest ratio."""
         return max((h for h, at in enumerate(self.positions) if at == unknown), key=ratios.__getitem__)

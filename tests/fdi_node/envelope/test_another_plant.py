@@ -110,6 +110,37 @@ def test_what_has_been_inconsistent_since_early_is_another_plant(early: bool) ->
     assert story.decision.doubts == early
 
 
+@pytest.mark.parametrize("early", [True, False])
+def test_an_estimate_that_wanders_while_something_explains_more_since_early_is_that_of_another_plant(
+    early: bool,
+) -> None:
+    story = Story(Limits().trust_s + 10.0, ratio=Limits().natural + 1.0)
+    m, decision = story._m, story.decision
+    m.x[1] = 3.0 * KPA
+    for tick in range(round((Limits().wander_s + 0.2) / H)):
+        m.scalars[TICKS] = round((Limits().trust_s + 10.0) / H) + tick
+        m.ratios[:], m.age[:] = 0.0, (12.0 if early else 1.0) / H + tick
+        m.ratios[4] = m.scalars[LARGEST] = Limits().natural + 1.0
+        decision.step(100.0 + H * tick)
+    assert decision.doubts == early
+    assert [one.name for one in decision.isolated] == ([] if early else ["evaporator_pressure"])
+
+
+def test_on_another_plant_what_is_little_ahead_waits_and_has_a_name_or_is_no_fault() -> None:
+    for lead, waits in ((0.5, True), (2.0, False)):
+        story = Story(1000.0)
+        m, decision = story._m, story.decision
+        decision.isolation.is_open = True
+        for tick in range(round((Limits().hold_unsure_s - 0.5) / H)):
+            m.scalars[TICKS], m.age[:], m.ratios[:] = 1.0e4 + tick, 1.0, 0.0
+            m.ratios[0] = m.scalars[LARGEST] = 2.0 * Limits().certain
+            m.ratios[4] = m.ratios[0] * (1.0 - lead * Limits().at_once_share) + Limits().rarer
+            said = decision.step(100.0 + H * tick)
+            if said.isolated:
+                break
+        assert (said.detected, said.isolated) == ((False, None) if waits else (True, "compressor_speed"))
+
+
 def test_a_plant_that_has_been_trusted_is_not_doubted_when_the_observer_begins_anew() -> None:
     story = Story(Limits().trust_s - 1.0)
     story.decision.isolated.append(Isolated(1, "evaporator_pressure", 60.0, 60.0))
