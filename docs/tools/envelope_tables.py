@@ -1,4 +1,4 @@
-"""Tables of docs/theory/envelope.md about the whole envelope, from studies that have been played.
+"""Tables of docs/control.md about random drives, from studies that have been played.
 
     acftc study envelope_healthy --runs 1000 --seed 30000 --out results/healthy
     acftc study envelope_faults --runs 4000 --seed 30000 --out results/faults
