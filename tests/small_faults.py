@@ -9,7 +9,7 @@ from ac_experiments.scenario_schema import Scenario
 from ac_experiments.simulate import simulate
 
 ONSET_S = 60.0
-SENSOR = {"kind": "evaporator_pressure", "size_kpa": 0.4, "onset_s": ONSET_S}
+SENSOR = {"kind": "evaporator_pressure", "size_kpa": 0.35, "onset_s": ONSET_S}
 #: It has the sensor's name, which is never sure.
 COMPRESSOR = {"kind": "compressor_speed", "size_rpm": 5.0, "onset_s": ONSET_S}
 

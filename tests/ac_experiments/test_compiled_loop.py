@@ -18,7 +18,7 @@ from gimc_controller_node.reference_limits import TOO_DRY
 SPEED = {"kind": "compressor_speed", "size_rpm": 40.0, "onset_s": 60.0, "end_s": 120.0}
 PRESSURE = {"kind": "evaporator_pressure", "size_kpa": 5.0, "onset_s": 90.0}
 SUPERHEAT = {"kind": "superheat_sensor", "size_k": 3.0, "onset_s": 60.0}
-SMALL = {"kind": "evaporator_pressure", "size_kpa": 0.4, "onset_s": 60.0}
+SMALL = {"kind": "evaporator_pressure", "size_kpa": 0.35, "onset_s": 60.0}
 COMPONENT = {"kind": "condenser_fouling", "size_percent": 50.0, "onset_s": 30.0, "end_s": 60.0}
 INLET = {"kind": "air_inlet_sensor", "size_k": 4.0, "onset_s": 60.0, "end_s": 70.0}
 SLOW = {"kind": "valve_slow", "size_s": 5.0, "onset_s": 20.0, "end_s": 40.0}
