@@ -3,8 +3,8 @@
     python -m docs.tools.envelope_known 38000 200
 
 Each drive is played to 1000 s without the fault, with K0 alone, with accommodation, and with a compensator that is told
-the fault, without any error, from the first reading in which it shows: that of the tick after the onset. No detector is
-better than that, so what is left then is not for the diagnosis to mend.
+the fault, without any error, from the first reading in which it shows: that of the tick after the onset. No detector
+knows it earlier or better, so what is left then is not for the diagnosis to mend.
 """
 
 import argparse

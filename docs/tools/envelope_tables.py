@@ -1,8 +1,8 @@
 """Tables of docs/control.md about random drives, from studies that have been played.
 
-    acftc study envelope_healthy --runs 1000 --seed 30000 --out results/healthy
-    acftc study envelope_faults --runs 4000 --seed 30000 --out results/faults
-    python -m docs.tools.envelope_tables results/healthy results/faults
+    acftc study envelope_healthy --runs 1000 --seed 50000 --set duration_s=1000 --out healthy
+    acftc study envelope_faults --runs 4000 --seed 50000 --set duration_s=1000 --set fault.onset_s=600 --out faults
+    python -m docs.tools.envelope_tables healthy faults
 
 A row is a kind of fault of one size. Right is its name, of a fault that no estimate is for `unknown`.
 """

@@ -174,7 +174,6 @@ class EnvelopeDecision:
             onset_s = self.since.likely
             detected = time_s - self.since.certain >= self.limits.hold_unsure_s
             self.doubts = self.doubts or (detected and self._is_early(onset_s, time_s))
-            # On another plant what has no name is forgotten.
             detected = detected and not self.doubts and not self.isolation.is_open
             return Conclusion(thresholds, detected, None, math.nan, onset_s if detected else math.nan, math.nan, None)
         for one in self.isolated:
@@ -304,10 +303,12 @@ class EnvelopeDecision:
             setattr(since, name, began)
             if time_s - began < limits.wander_s:
                 continue
-            if float(self._memory.scalars[LARGEST]) > limits.natural:
-                began = min(began, time_s - self._explanations.age_s(self._memory, self._h))
             if i not in known and not known and time_s - since.unknown > limits.after_unknown_s:
-                self._add(i, self._unknowns[i].reported, began, time_s)
+                is_explained = self._memory.scalars[LARGEST] > limits.natural and self._time_s < limits.explained_s
+                explained_s = time_s - self._explanations.age_s(self._memory, self._h) if is_explained else NOT
+                self.doubts |= self._is_early(explained_s, time_s)
+                if not self.doubts:
+                    self._add(i, self._unknowns[i].reported, began, time_s)
             if not self.asked[LOWEST + i] <= value <= self.asked[HIGHEST + i]:
                 self._add(-1, UNKNOWN, began, time_s)
 

@@ -14,7 +14,8 @@ class Limits:
     natural, likely, likely_open, likely_unknown, plain, certain : float
         Likelihood ratios (twice the logarithm) above which an air flow has jumped; a named fault is isolated if it is
         ahead, and where the plant's parameters are estimated, too; one without a name is; a fault of the compressor is
-        isolated soon; it is certain that something is, so that it is detected.
+        isolated soon; it is certain that something is, so that it is detected: where the plant's parameters are
+        estimated, with its name only.
     ahead, ahead_natural, ahead_share, rarer : float
         An explanation is ahead of another by the first, a jump of an air flow by the second; or by this share of its
         own ratio if that is more, because the model is linearised. One without a name counts less by the last: such
@@ -28,7 +29,8 @@ class Limits:
         for so.
     at_once, at_once_share, at_once_s : float
         A named fault that is ahead by this much, and by this share of its own ratio, and has begun no longer ago than
-        the last, is isolated in the same tick, but where the plant's parameters are estimated.
+        the last, is isolated in the same tick, but where the plant's parameters are estimated: there a fault of the
+        compressor needs this share to be isolated soon.
     hold_s, hold_unsure_s, hold_growing_s : float
         How long a fault of the compressor whose ratio is above `plain`, with a full lead, any other one (early in a
         fault of the compressor a jump of the pressure's sensor can explain as much), and one that grows must be ahead;
@@ -45,9 +47,10 @@ class Limits:
     clear_s, settle_s, afresh_s : float
         How long a fault must be gone to be over; for how long after the start nothing is concluded; for how long after
         that an observer that has begun anew must understand the readings for what was isolated before to be over.
-    trust_s, settle_open_s : float
+    trust_s, explained_s, settle_open_s : float
         What seems to have begun before the first is taken for a plant whose parameters are others, where the design
-        says that these may be estimated; then nothing is concluded for the second.
+        says that these may be estimated; so is an estimate that is beyond its threshold, before the second, while what
+        explains most has begun before the first. Then nothing is concluded for the third.
     sigmas : float
         Thresholds of the named faults' estimates, in standard deviations of the filter,
     floor_rad_s, floor_pa : float
@@ -96,6 +99,7 @@ class Limits:
     settle_s: float = 20.0
     afresh_s: float = 10.0
     trust_s: float = 25.0
+    explained_s: float = 60.0
     settle_open_s: float = 30.0
     sigmas: float = 5.0
     floor_rad_s: float = 1.5 * RPM

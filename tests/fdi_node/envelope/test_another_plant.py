@@ -13,6 +13,7 @@ from ac_plant_node import Plant
 from ac_plant_node.dynamics.balances import N_STATES
 from ac_plant_node.parameters.file import another_plant
 from fdi_node.envelope import EnvelopeDetector, Limits
+from fdi_node.envelope.decision import Conclusion
 from fdi_node.envelope.isolation import Isolated
 from fdi_node.envelope.memory import LARGEST, NIS, TICKS
 from fdi_node.envelope.model import ENERGY
@@ -110,35 +111,56 @@ def test_what_has_been_inconsistent_since_early_is_another_plant(early: bool) ->
     assert story.decision.doubts == early
 
 
-@pytest.mark.parametrize("early", [True, False])
-def test_an_estimate_that_wanders_while_something_explains_more_since_early_is_that_of_another_plant(
-    early: bool,
+def told(story: Story, seconds: float, lasts_s: float, **ratios: float) -> list[Conclusion]:
+    """Return what is said from `seconds` after the start on, while unknowns explain so much since a second before."""
+    m, said = story._m, []
+    names = [UNKNOWNS[int(at)].name for at in story.decision._rules.jumping]
+    for tick in range(round(lasts_s / H)):
+        m.scalars[TICKS], m.age[:], m.ratios[:] = round(seconds / H) + tick, 1.0 / H + tick, 0.0
+        for name, ratio in ratios.items():
+            m.ratios[names.index(name)] = ratio
+        m.scalars[LARGEST] = m.ratios.max()
+        said.append(story.decision.step(100.0 + H * tick))
+    return said
+
+
+@pytest.mark.parametrize(
+    ("seconds", "age_s", "ratio", "doubts"),
+    [(35.0, 12.0, 26.0, True), (35.0, 1.0, 26.0, False), (35.0, 12.0, 20.0, False), (600.0, 580.0, 26.0, False)],
+)
+def test_an_estimate_that_wanders_early_while_something_explains_more_since_the_start_is_another_plant(
+    seconds: float, age_s: float, ratio: float, doubts: bool
 ) -> None:
-    story = Story(Limits().trust_s + 10.0, ratio=Limits().natural + 1.0)
+    story = Story(seconds)
     m, decision = story._m, story.decision
     m.x[1] = 3.0 * KPA
     for tick in range(round((Limits().wander_s + 0.2) / H)):
-        m.scalars[TICKS] = round((Limits().trust_s + 10.0) / H) + tick
-        m.ratios[:], m.age[:] = 0.0, (12.0 if early else 1.0) / H + tick
-        m.ratios[4] = m.scalars[LARGEST] = Limits().natural + 1.0
+        m.scalars[TICKS] = round(seconds / H) + tick
+        m.ratios[:], m.age[:], m.best[:], m.best[4] = 0.0, 0.0, 0, 3
+        m.ratios[4], m.age[3] = ratio, age_s / H + tick
+        m.scalars[LARGEST] = ratio
         decision.step(100.0 + H * tick)
-    assert decision.doubts == early
-    assert [one.name for one in decision.isolated] == ([] if early else ["evaporator_pressure"])
+    assert decision.doubts == doubts
+    assert [one.name for one in decision.isolated] == ([] if doubts else ["evaporator_pressure"])
 
 
-def test_on_another_plant_what_is_little_ahead_waits_and_has_a_name_or_is_no_fault() -> None:
-    for lead, waits in ((0.5, True), (2.0, False)):
+@pytest.mark.parametrize(("ahead", "after_s"), [(0.5, Limits().hold_unsure_s), (2.0, Limits().hold_s)])
+def test_on_another_plant_a_fault_of_the_compressor_that_is_little_ahead_waits(ahead: float, after_s: float) -> None:
+    story, ratio = Story(1000.0), 500.0
+    story.decision.isolation.is_open = True
+    other = ratio * (1.0 - ahead * Limits().at_once_share) + Limits().rarer
+    said = told(story, 1000.0, 5.0, compressor_speed=ratio, superheat_sensor=other)
+    first = next(i for i, one in enumerate(said) if one.isolated == "compressor_speed")
+    assert first * H == pytest.approx(after_s)
+
+
+def test_on_another_plant_what_is_not_isolated_is_not_detected() -> None:
+    much = 2.0 * Limits().certain
+    for is_open in (False, True):
         story = Story(1000.0)
-        m, decision = story._m, story.decision
-        decision.isolation.is_open = True
-        for tick in range(round((Limits().hold_unsure_s - 0.5) / H)):
-            m.scalars[TICKS], m.age[:], m.ratios[:] = 1.0e4 + tick, 1.0, 0.0
-            m.ratios[0] = m.scalars[LARGEST] = 2.0 * Limits().certain
-            m.ratios[4] = m.ratios[0] * (1.0 - lead * Limits().at_once_share) + Limits().rarer
-            said = decision.step(100.0 + H * tick)
-            if said.isolated:
-                break
-        assert (said.detected, said.isolated) == ((False, None) if waits else (True, "compressor_speed"))
+        story.decision.isolation.is_open = is_open
+        *_, said = told(story, 1000.0, 5.0, compressor_speed=much, superheat_sensor=much + Limits().rarer)
+        assert (said.detected, said.isolated) == (not is_open, None)
 
 
 def test_a_plant_that_has_been_trusted_is_not_doubted_when_the_observer_begins_anew() -> None:

@@ -63,8 +63,9 @@ def test_less_of_a_lead_is_needed_the_longer_it_takes(more: float, patience: str
     lead = 0.5 * max(limits.ahead, limits.ahead_share * ratio)
     story, seen = Story(), {"evaporator_pressure": ratio, "compressor_speed": ratio - lead}
     patience_s = getattr(limits, patience)
-    assert story.tell(0.5 * patience_s, **seen) == (more > 0.0, None)
-    assert story.tell(0.25 * patience_s + limits.hold_unsure_s, **seen) == (True, "evaporator_pressure")
+    half_s = 0.5 * patience_s + limits.hold_unsure_s + 0.2
+    assert story.tell(half_s, **seen) == (more > 0.0, None)
+    assert story.tell(0.75 * patience_s + limits.hold_unsure_s - half_s, **seen) == (True, "evaporator_pressure")
 
 
 @pytest.mark.parametrize(("name", "less"), [("evaporator_air_flow", 0.0), ("superheat_sensor", Limits().rarer)])
