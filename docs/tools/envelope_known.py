@@ -1,6 +1,6 @@
 """What 40 rpm leave along random drives when they are known as soon as they show, beside what is left when detected.
 
-    python -m docs.tools.envelope_known 38000 200
+    python -m docs.tools.envelope_known 50000 1000
 
 Each drive is played to 1000 s without the fault, with K0 alone, with accommodation, and with a compensator that is told
 the fault, without any error, from the first reading in which it shows: that of the tick after the onset. No detector
@@ -85,9 +85,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("first", type=int)
     parser.add_argument("count", type=int)
-    given = parser.parse_args()
-    found = np.array([played(seed) for seed in range(given.first, given.first + given.count)])
-    peaks, off = found[:, :, 0], found[:, :, 1]
+    given, rows = parser.parse_args(), []
+    for seed in range(given.first, given.first + given.count):  # a second each
+        rows.append(played(seed))
+        each = ", ".join(f"{who} {peak:.2f}" for who, peak in zip(PLAYED, rows[-1][:, 0], strict=True))
+        print(f"drive:{seed}: peak of the error of p_e, kPa: {each}", flush=True)
+    peaks, off = np.moveaxis(np.array(rows), 2, 0)
     print(f"{given.count} drives, {SIZE_RPM:g} rpm; differences in kPa, the worst")
     for i, who in enumerate(PLAYED[:2]):
         over, more = peaks[:, i] - peaks[:, 2], peaks[:, i] - peaks[:, 3]
